@@ -85,14 +85,15 @@ def registered(name: str) -> str:
 
 def installed(name: str) -> bool:
     """Whether an engine's package can be found; imports nothing."""
-    return importlib.util.find_spec(_entry(name).package) is not None
+    return importlib.util.find_spec(_known(name).package) is not None
 
 
 def missing_reason(name: str) -> str:
     """Why an engine is skipped if it is not installed."""
-    requirement, last = _entry(name).requirement, _entry(name).last_wheel
+    entry = _known(name)
+    requirement, last = entry.requirement, entry.last_wheel
     if not requirement:
-        return f"not installed (no module {_entry(name).package!r})"
+        return f"not installed (no module {entry.package!r})"
     compiled = ""
     if last is not None and sys.version_info[:2] > last:
         newest, mine = ".".join(map(str, last)), ".".join(map(str, sys.version_info[:2]))
@@ -174,7 +175,7 @@ def distribution(name: str) -> str:
     """Name of the distribution that holds an engine; the package's where none is stated."""
     if name in declared() and name not in OURS:
         return distribution_of(declared()[name])
-    entry = ENGINES.get(name) or _entry_of_ours(name)
+    entry = _known(name)
     return entry.distribution or entry.package
 
 
@@ -184,6 +185,11 @@ def asked_as(name: str) -> str:
     if name in OURS or name in declared() or name not in ENGINES:
         return name
     return ENGINES[name].implementation
+
+
+def _known(name: str) -> Entry:
+    """An engine's entry; asking does not register one of ours."""
+    return ENGINES.get(name) or (_entry_of_ours(name) if name in OURS else _entry(name))
 
 
 def _entry(name: str) -> Entry:

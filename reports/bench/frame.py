@@ -34,7 +34,7 @@ __all__ = ["duel", "run", "show", "steps"]
 
 STUDY = "bench frame"
 RESTARTS = 5
-ALSO = ("slide", "stack", "balls_box")
+ALSO = ("slide", "stack", "balls_box", "dominoes")
 """Scenes beside the gallery."""
 OVERLAP = "overlap.max"
 

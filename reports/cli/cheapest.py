@@ -16,6 +16,7 @@ from touchstone.reports.cli.options import (
     PrintedOutOption,
     QuietOption,
     YesOption,
+    engine_installed,
     known,
     measuring,
     output_to,
@@ -77,7 +78,7 @@ def cheapest(
     )
     if not limits:
         stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%", BAD_INPUT)
-    engines = [known("engine", engine, ENGINES)] if engine else list(ENGINES)
+    engines = [engine_installed(engine)] if engine else list(ENGINES)
     require_judge()
     plan = Plan([scene.name], engines, quick, with_ladder=False)
     with resumable(store), measuring(plan.size, quiet, StoreError) as progress:

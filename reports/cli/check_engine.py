@@ -9,13 +9,12 @@ import typer
 
 from touchstone.reports.cli.options import (
     BAD_INPUT,
-    ENGINE_MISSING,
     LIMIT_BROKEN,
     Format,
     FormatOption,
     PrintedOutOption,
     QuietOption,
-    engines_named,
+    engine_installed,
     output_to,
     stop,
 )
@@ -29,12 +28,9 @@ def check_engine(
     quiet: QuietOption = False,
 ) -> None:
     """Play small scenes with known outcomes on an engine; say what its adapter does wrong."""
-    from touchstone.adapters.registry import installed, missing_reason
     from touchstone.reports.cli.listing import show_rows
 
-    engine = engines_named([name])[0]
-    if not installed(engine):
-        stop(f"{engine}: {missing_reason(engine)}", ENGINE_MISSING)
+    engine = engine_installed(name)
     rows: list[dict[str, object]] = []
     at_once = output is Format.table and not quiet
     with output_to(out):

@@ -37,12 +37,19 @@ def package_version(package: str) -> str | None:
 
 def engines() -> list[tuple[str, str, str]]:
     """(engine, version, install hint) of every engine; the hint is empty if it is installed."""
-    from touchstone.adapters.registry import ENGINES, available, distribution, installed, missing_reason
+    from touchstone.adapters.registry import (
+        ENGINES,
+        OURS,
+        available,
+        distribution,
+        installed,
+        missing_reason,
+    )
 
     rows = []
     for name in available():
         # The module of a plug-in that is merely declared is not imported.
-        there = name not in ENGINES or installed(name)
+        there = name not in (*ENGINES, *OURS) or installed(name)
         found = package_version(distribution(name)) if there else None
         rows.append((name, found or "-", "" if there else missing_reason(name)))
     return rows

@@ -107,7 +107,10 @@ def known(kind: str, name: str, valid: Iterable[str]) -> str:
 def columns_for(
     engines: Iterable[str], profiles: Iterable[str], default: Iterable[str] = ()
 ) -> tuple[tuple[str, str], ...]:
-    """(engine, profile) columns of the named engines (none: all) and profiles (none: `default`, or all)."""
+    """(engine, profile) columns of the named engines (none: all) and profiles (none: `default`, or all).
+
+    Where no profile is named, an engine that has none of `default` plays its first.
+    """
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.run.request import columns_of
 
@@ -117,6 +120,9 @@ def columns_for(
     asked = wanted or list(default)
     # Without names, each engine uses its profiles in its own order.
     columns = columns_of(names, asked) if asked else tuple((e, p) for e in names for p in ENGINES[e].profiles)
+    if not wanted:
+        lacking = (name for name in names if name not in dict(columns))
+        columns += tuple((name, next(iter(ENGINES[name].profiles))) for name in lacking)
     if not columns:
         stop(f"no engine of {', '.join(names)} has the profile {', '.join(wanted)}", BAD_INPUT)
     return columns
@@ -136,6 +142,16 @@ def engines_named(names: Iterable[str]) -> list[str]:
         except AdapterError as error:
             stop(str(error), BAD_INPUT)
     return list(dict.fromkeys(found))
+
+
+def engine_installed(name: str) -> str:
+    """The engine, registered; one that is not installed exits with how to install it."""
+    from touchstone.adapters.registry import installed, missing_reason
+
+    engine = engines_named([name])[0]
+    if not installed(engine):
+        stop(f"{engine}: {missing_reason(engine)}", ENGINE_MISSING)
+    return engine
 
 
 def with_settings(columns: tuple[tuple[str, str], ...], wanted: Iterable[str]) -> tuple[tuple[str, str], ...]:

@@ -270,7 +270,7 @@ def bench(
     name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
     scenario: Annotated[
         list[str] | None,
-        typer.Argument(help="Scenes of `frame` (default: gallery, slide, stack, balls_box)."),
+        typer.Argument(help="Scenes of `frame` (default: gallery, slide, stack, balls_box, dominoes)."),
     ] = None,
     restarts: Annotated[int, typer.Option(min=1, help="Starts of every engine in `frame`.")] = 5,
     seed: Annotated[int, typer.Option(min=0, help="Of the order of engines, scenes and columns.")] = 0,
@@ -324,7 +324,7 @@ def work_precision(
     from touchstone.scenarios.catalogue import catalogue
 
     names = [known("scenario", name, catalogue()) for name in dict.fromkeys(scenario or scenes(quick))]
-    engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engine or ENGINES)]
+    engines = engines_named(engine or ENGINES)
     plan, folder = Plan(names, engines, quick), out or folder_of_now("work-precision-")
     require_judge()
     with resumable(store), measuring(plan.size, quiet, StoreError) as progress:

@@ -33,7 +33,7 @@ PHALANGES = ("proximal", "middle", "distal")
 
 
 def hand_parts() -> tuple[tuple[Body, ...], tuple[Joint, ...]]:
-    """Bodies (palm first, then each finger from its base) and hinges of the hand, named `finger_phalanx`."""
+    """Bodies (palm first, then each finger from its base) and hinges of the hand, by finger and phalanx."""
     parts: list[Body] = []
     joints: list[Joint] = []
     for finger, (base, heading, lengths, thickness) in FINGERS.items():

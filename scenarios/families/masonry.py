@@ -1,6 +1,6 @@
 """A pyramid, a brick wall and arches without mortar.
 
-A linear program decides which arch can stand (`scenarios/equilibrium.py`): with too little friction its
+A linear program decides which arch can stand (`tests/shared/equilibrium.py`): with too little friction its
 stones slide outwards, and one that is too thin folds at hinges.
 """
 

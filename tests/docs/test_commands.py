@@ -1,5 +1,5 @@
 """Every command of README and of the pages parses; the slow test runs it in a folder with what it names, and
-compares the exit code with that of the page: 0, or N of a comment `# exit N`.
+compares the exit code with that of the page: 0, or N of a comment `# exit N` or of `exit N` in a table's row.
 
 `docs/tour.md` and `docs/your_scene.md` have tests of their own, which compare what their commands print.
 """
@@ -25,9 +25,11 @@ from touchstone.reports.cli import main
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 ELSEWHERE = ("tour.md", "your_scene.md")
-COMMAND = re.compile(r"^(?:    |\$ )\s*(?:\$ )?(touchstone .*)$|^\| `(touchstone [^`]*)` \|")
-"""A line of a block, or the first cell of a table."""
-EXIT = re.compile(r"# exit (\d+)$")
+COMMAND = re.compile(
+    r"^(?:    |\$ )\s*(?:\$ )?(touchstone .*)$|^\|(?:.* \|)? `(touchstone [^`]*)`(?= and | \||[,;] | \()"
+)
+"""A line of a block, or the start of a cell of a table."""
+EXIT = re.compile(r"# exit (\d+)$|^\|.*\bexit (\d+)\b")
 OPTIONAL = re.compile(r"\[[^]]*\b[A-Z]+\b[^]]*\](\.\.\.)?")
 """An optional part with a placeholder, which is left out; others are taken without their brackets."""
 STANDS_FOR = {
@@ -79,11 +81,11 @@ def documented() -> Iterator[Documented]:
             if not (found := COMMAND.match(line)):
                 continue
             more = f" {follows.strip()}" if follows.strip().startswith("--") else ""
-            text, _, remark = ((found[1] or found[2]) + more).partition(" #")
+            text = ((found[1] or found[2]) + more).partition(" #")[0]
             if text.strip() not in seen:
                 seen.add(text.strip())
-                code = EXIT.search(f"#{remark}".strip())
-                yield Documented(page.name, text.strip(), int(code[1]) if code else 0)
+                code = EXIT.search(line)
+                yield Documented(page.name, text.strip(), int(code[1] or code[2]) if code else 0)
 
 
 ALL = list(documented())
@@ -126,10 +128,10 @@ def home(tmp_path_factory) -> Path:
     return folder
 
 
-def call(folder: Path, arguments: list[str]) -> tuple[int, str]:
-    """Exit code of the program in a folder, and the end of what it said."""
+def play(folder: Path, arguments: list[str]) -> subprocess.CompletedProcess[str]:
+    """The program in a folder."""
     program = "import sys; from touchstone.reports.cli.main import main; main()"
-    done = subprocess.run(
+    return subprocess.run(
         [sys.executable, "-c", program, *arguments],
         cwd=folder,
         env=os.environ | {"BROWSER": "true"},  # a program that opens nothing
@@ -138,6 +140,11 @@ def call(folder: Path, arguments: list[str]) -> tuple[int, str]:
         timeout=LONGEST,
         check=False,
     )
+
+
+def call(folder: Path, arguments: list[str]) -> tuple[int, str]:
+    """Exit code of the program in a folder, and the end of what it said."""
+    done = play(folder, arguments)
     return done.returncode, f"{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
 
 
@@ -155,3 +162,22 @@ def test_a_documented_command_exits_as_its_page_says(one, home):
     code, text = call(home, one.arguments)
     assert code == one.code, f"exit {code}\n{text}"
     assert "Traceback" not in text
+
+
+def cells(text: str) -> dict[str, list[float]]:
+    """Label -> figures of each row of a printed table, without marks."""
+    rows = (line.strip().strip("│").split("│") for line in text.splitlines() if line.strip().startswith("│"))
+    return {row[0].strip(): [float(cell.split()[0].rstrip("*")) for cell in row[2:]] for row in rows}
+
+
+@pytest.mark.engines
+def test_the_table_of_readme_is_what_its_command_prints(tmp_path):
+    """Figures agree to two digits; below 1e-9 all are rounding."""
+    readme = (ROOT / "README.md").read_text("utf-8").partition("## What a run prints")[2]
+    (command,) = [one for one in ALL if one.text.startswith("touchstone run slip --profile")]
+    printed, shown = (
+        cells(play(tmp_path, command.arguments).stdout),
+        cells(readme.partition("`truth.position`")[0]),
+    )
+    assert len(shown) > 8
+    assert {name: pytest.approx(row, rel=0.02, abs=1e-9) for name, row in shown.items()} == printed

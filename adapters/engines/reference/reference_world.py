@@ -118,7 +118,7 @@ def matrix(quaternion: tuple[float, ...]) -> np.ndarray:
 def body_order(scenario: Scenario) -> list[int]:
     """Indices of the bodies in the order of the arrays: fixed bodies, links of drivers, simulated bodies.
 
-    Links keep the order of their trackers; other bodies are sorted by name, `ball_2` before `ball_10`. So the
+    Links keep the order of their trackers; other bodies are sorted by name, ball_2 before ball_10. So the
     order of bodies in a scene does not change the motion, not even by rounding.
     """
     places = {link: k for tracker in scenario.trackers for k, link in enumerate(scenario.links(tracker))}

@@ -13,13 +13,12 @@ import typer
 from touchstone.reports.cli.cheapest import limits_of, margins, words_of
 from touchstone.reports.cli.options import (
     BAD_INPUT,
-    ENGINE_MISSING,
     LIMIT_BROKEN,
     Format,
     FormatOption,
     PrintedOutOption,
     QuietOption,
-    engines_named,
+    engine_installed,
     measuring,
     output_to,
     require_judge,
@@ -70,7 +69,6 @@ def tune(
     Exit code 1: no setting reaches the limits; the nearest is printed.
     """
     from touchstone.adapters.contract import AdapterError
-    from touchstone.adapters.registry import installed, missing_reason
     from touchstone.reports.studies.tuning.search import Asked, NotMeasured, Search
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.sweep.dask_pool import ClusterError, DaskPool
@@ -89,9 +87,7 @@ def tune(
     if not limits.keys() - {TIME}:
         stop("tune: give a limit on an error, such as --position 1mm --friction 2%", BAD_INPUT)
     chosen = scenes_of(scenario, scenes, allow_paths)
-    name = engines_named([engine])[0]
-    if not installed(name):
-        stop(f"{name}: {missing_reason(name)}", ENGINE_MISSING)
+    name = engine_installed(engine)
     if out is not None:
         require_new(out)
     require_judge()

@@ -94,7 +94,7 @@ def envelope_picture(results: Results, path: Path) -> None:
 def step_pictures(results: Results, folder: Path) -> None:
     """Draw a map of difficulty over step per family, one panel per column, into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
-    for family in results.plan.families:
+    for family in results.plan.families if results.played else ():  # no engine is installed: nothing to draw
         write_beside(folder / f"{family.name}.png", partial(step_picture, results, family))
 
 

@@ -1,4 +1,4 @@
-"""`--set` in README, CONTRIBUTING and docs/: examples run as written, and name settings that exist."""
+"""`--set` in README, CONTRIBUTING and docs/: examples are accepted, and name settings that exist."""
 
 from __future__ import annotations
 
@@ -51,15 +51,6 @@ def test_an_example_is_accepted(touchstone, monkeypatch, page, line):
     monkeypatch.setattr(sweep, "sweep", start)
     code, _, err = touchstone(*shlex.split(line)[1:])
     assert (code, len(started)) == (0, 1), err
-
-
-@pytest.mark.slow
-@pytest.mark.engines
-@pytest.mark.parametrize(("page", "line"), EXAMPLES)
-def test_an_example_meets_all_limits(touchstone, page, line):
-    """Every example ends with 0 when it is played."""
-    code, out, err = touchstone(*shlex.split(line)[1:])
-    assert code == 0, out + err
 
 
 @pytest.mark.parametrize(("page", "change"), CHANGES)

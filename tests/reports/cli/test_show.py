@@ -7,11 +7,13 @@ import io
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
-from touchstone.adapters.registry import ENGINES, available
-from touchstone.reports.cli.listing import show_rows
+from touchstone.adapters import registry
+from touchstone.adapters.registry import ENGINES, OURS, available
+from touchstone.reports.cli.listing import engines, show_rows
 from touchstone.reports.metrics import METRICS
 from touchstone.scenarios.catalogue import catalogue
 
@@ -38,6 +40,17 @@ def test_lists_in_every_format(touchstone, what, form):
         # a cell that is wrapped goes on below, under its own column
         names = [line.split()[0] for line in out.splitlines() if not line.startswith(" ")][1:]
     assert names == wanted
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_a_missing_engine_is_listed_with_its_hint(monkeypatch, name):
+    """What pip installs stands beside each engine that is not installed, also one that plays only by name."""
+    entry = registry.ENGINES.get(name) or registry._entry_of_ours(name)
+    monkeypatch.setattr(registry, "_entry_of_ours", lambda _: replace(entry, package="no_such_package"))
+    monkeypatch.delitem(registry.ENGINES, name, raising=False)
+    (hint,) = [missing for listed, _, missing in engines() if listed == name]
+    assert hint == registry.missing_reason(name)
+    assert name not in registry.ENGINES
 
 
 @pytest.mark.parametrize("form", ["table", "json", "csv"])

@@ -91,12 +91,31 @@ def test_a_sweep_is_printed_and_kept(touchstone, tmp_path):
     assert (code, err) == (2, "touchstone: runs/sweep: store of version 99, this program writes 1\n")
 
 
-def test_a_missing_engine_is_told_in_quiet(touchstone):
-    """Exit 3 has its line under `--quiet`."""
+@pytest.mark.parametrize(
+    "command",
+    [
+        "sweep fall --jobs 1",
+        "cheapest fall --position 1mm --quick --jobs 1",
+        "tune fall --position 1mm --quick --jobs 1",
+        "check-engine",
+        "run fall",
+        "study calibration",
+        "study convergence slip",
+        "study effects fall",
+        "study relations",
+        "study robustness",
+        "study stability",
+        pytest.param("study work-precision fall --quick --jobs 1", marks=pytest.mark.slow),
+    ],
+)
+def test_a_missing_engine_is_told_in_quiet(touchstone, command):
+    """Exit 3 has its line under `--quiet`, for an engine without our usual profiles too."""
     if installed("drake"):
         pytest.skip("drake is installed")
-    code, out, err = touchstone("sweep", "fall", "--engine", "drake", "--jobs", "1", "--quiet")
-    assert (code, out, err) == (3, "", f"missing: drake: {missing_reason('drake')}\n")
+    engine = ["drake"] if command == "check-engine" else ["--engine", "drake"]
+    code, out, err = touchstone(*command.split(), *engine, "--quiet")
+    assert (code, out) == (3, ""), err
+    assert missing_reason("drake") in err
 
 
 def test_a_slurm_script_is_written(touchstone, tmp_path):
