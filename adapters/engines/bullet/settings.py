@@ -89,7 +89,7 @@ SETTINGS = Table(
             "collisionMargin",
             1,
             "m",
-            _all("", **{ACCURATE: "0.0"}),
+            _all("", recommended="0.0", **{ACCURATE: "0.0"}),
             "margin round hulls, not those of links; Bullet's default: 1 mm",
         ),
         Choice("sleep", _SWITCH, _all("off", **{SLEEPING: "on"}), "bodies at rest are not simulated"),
