@@ -62,7 +62,7 @@ def cheapest(
         settings_of_scene,
     )
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
-    from touchstone.reports.studies.work_precision.study import Plan, measure
+    from touchstone.reports.studies.work_precision.study import StudyCells, measure
     from touchstone.reports.sweep.store import StoreError
     from touchstone.scenarios.catalogue import catalogue
 
@@ -79,9 +79,9 @@ def cheapest(
         stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%", BAD_INPUT)
     engines = [known("engine", engine, ENGINES)] if engine else list(ENGINES)
     require_judge()
-    plan = Plan([scene.name], engines, quick, with_ladder=False)
-    with resumable(store), measuring(plan.size, quiet, StoreError) as progress:
-        table, _ = measure(plan, store, jobs, progress)
+    cells = StudyCells([scene.name], engines, quick, with_ladder=False)
+    with resumable(store), measuring(cells.size, quiet, StoreError) as progress:
+        table, _ = measure(cells, store, jobs, progress)
     if gone := missing_quantities(table, limits):
         has = ", ".join(name for name in QUANTITIES if name in set(table.quantity))
         stop(f"{scene.name}: no {' and no '.join(gone)} is measured in this scene; it has {has}", BAD_INPUT)
@@ -156,7 +156,7 @@ def lines(answer: Answer, limits: dict[str, float]) -> list[str]:
 def words_of(setting: Setting) -> str:
     """A setting and its time, with the range of the rounds."""
     from touchstone.reports.run.request import step_text
-    from touchstone.reports.studies.work_precision.table import number
+    from touchstone.reports.studies.work_precision.study import number
 
     label = f"{setting.engine} {setting.profile} {setting.settings}".strip()
     low, high = number(setting.time_low, "s"), number(setting.time_high, "s")
@@ -167,7 +167,7 @@ def margins(setting: Setting, limits: Mapping[str, float]) -> str:
     """Each error beside its limit."""
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
-    from touchstone.reports.studies.work_precision.table import number
+    from touchstone.reports.studies.work_precision.study import number
 
     parts = []
     for name, limit in limits.items():

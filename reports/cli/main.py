@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli import stability
 from touchstone.reports.cli.cheapest import cheapest
 from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
@@ -60,6 +59,7 @@ from touchstone.reports.cli.scenes.exporting import export
 from touchstone.reports.cli.scenes.importing import import_robot
 from touchstone.reports.cli.scenes.reproducing import reproduce
 from touchstone.reports.cli.scenes.schema import schema
+from touchstone.reports.cli.soak import soak
 from touchstone.reports.cli.studies import bench, study
 from touchstone.reports.cli.sweep import sweep
 
@@ -78,7 +78,7 @@ app = typer.Typer(
 )
 app.add_typer(study, name="study")
 app.command()(bench)
-app.command()(stability.soak)
+app.command()(soak)
 app.command()(nightly)
 app.command()(accept)
 app.command()(sweep)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from touchstone.adapters.contract import Engine, Settings
 from touchstone.reports.limits import judged
-from touchstone.reports.studies.robustness.play import EXACT, Task, assess
-from touchstone.reports.studies.robustness.study import Run, line, rows_of_runs
+from touchstone.reports.studies.robustness.play import EXACT, SeededTask, assess
+from touchstone.reports.studies.robustness.study import Played, line, rows_of_runs
 from touchstone.scenarios.random_scenes.bodies import (
     masses,
     random_orientation,
@@ -51,11 +51,13 @@ def reference() -> Engine:
     return load("reference")
 
 
-def played(profile: str, seeds: Iterable[int], most: int | None = None, kind: str | None = None) -> list[Run]:
+def played(
+    profile: str, seeds: Iterable[int], most: int | None = None, kind: str | None = None
+) -> list[Played]:
     """The assessed scenes of some seeds, of those with at most so many bodies."""
     pytest.importorskip("coal", reason="not installed (pip install coal)")
     pytest.importorskip("fcl", reason="not installed (pip install python-fcl)")
-    asked = [Task("reference", Settings(profile, FRAME), seed, kind) for seed in seeds]
+    asked = [SeededTask("reference", Settings(profile, FRAME), seed, kind) for seed in seeds]
     scenes = [(task, task.scenario) for task in asked]
     return [
         (task, assess(reference(), scene, task.settings, EXACT))
@@ -64,7 +66,7 @@ def played(profile: str, seeds: Iterable[int], most: int | None = None, kind: st
     ]
 
 
-def broken(runs: list[Run], laws: tuple[str, ...] = ()) -> list[str]:
+def broken(runs: list[Played], laws: tuple[str, ...] = ()) -> list[str]:
     """The limits that runs break, of some laws or all, and what to type to see the worst."""
     rows = [judged(row, ()) for row in rows_of_runs(runs)]
     failed = [
@@ -77,7 +79,7 @@ def broken(runs: list[Run], laws: tuple[str, ...] = ()) -> list[str]:
 
 
 @cache
-def few(profile: str) -> list[Run]:
+def few(profile: str) -> list[Played]:
     """The scenes of every run of the tests."""
     return played(profile, range(QUICK_SCENES), FEW_BODIES)
 
@@ -206,7 +208,7 @@ def test_light_bodies_in_a_heap_do_not_sink(profile: str, seed: int, perturbatio
 
     Before, these heaps overlapped by 6 um to 1.4 mm, and one gained 7e-4 of its energy in a frame.
     """
-    task = Task("reference", Settings(profile, FRAME), seed, perturbation=perturbation)
+    task = SeededTask("reference", Settings(profile, FRAME), seed, perturbation=perturbation)
     assert broken([(task, assess(reference(), task.scenario, task.settings, EXACT))]) == []
 
 
@@ -249,7 +251,9 @@ def test_a_rounding_apart_ends_in_the_same_class(profile: str) -> None:
     QUICK_PART.
     """
     own = few(profile)
-    asked = [Task("reference", Settings(profile, FRAME), task.seed, perturbation=1e-16) for task, _ in own]
+    asked = [
+        SeededTask("reference", Settings(profile, FRAME), task.seed, perturbation=1e-16) for task, _ in own
+    ]
     there = [assess(reference(), task.scenario, task.settings, EXACT).outcome for task in asked]
     differ = [
         line(task)

@@ -32,7 +32,7 @@ from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from touchstone.reports.studies.tuning.search import Asked, Found
+    from touchstone.reports.studies.tuning import Asked, Found
     from touchstone.reports.studies.work_precision.cheapest import Setting
     from touchstone.scenarios.scenario import Scenario
 
@@ -71,7 +71,8 @@ def tune(
     """
     from touchstone.adapters.contract import AdapterError
     from touchstone.adapters.registry import installed, missing_reason
-    from touchstone.reports.studies.tuning.search import Asked, NotMeasured, Search
+    from touchstone.reports.studies.study import RefusedError
+    from touchstone.reports.studies.tuning import Asked, Search
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.sweep.dask_pool import ClusterError, DaskPool
     from touchstone.reports.sweep.store import StoreError
@@ -102,7 +103,7 @@ def tune(
         print(line, file=sys.stderr, flush=True)
     with (
         resumable(store),
-        measuring(tried * len(chosen), quiet, StoreError, ClusterError, NotMeasured) as progress,
+        measuring(tried * len(chosen), quiet, StoreError, ClusterError, RefusedError) as progress,
     ):
         found = Search(asked, progress).run()
     try:
@@ -140,7 +141,7 @@ def scenes_of(scenario: str, tag: str, allow_paths: bool) -> dict[str, Scenario]
 
 def cost_lines(asked: Asked) -> list[str]:
     """What is about to be played."""
-    from touchstone.reports.studies.tuning.search import Search
+    from touchstone.reports.studies.tuning import Search
 
     seconds = sum(scenario.duration for scenario in asked.scenes.values())
     truths = len(Search(asked, lambda label, cells: None).truths)
@@ -187,7 +188,7 @@ def compared(one: Setting, best: Setting, limits: Mapping[str, float]) -> str:
 
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
-    from touchstone.reports.studies.work_precision.table import number
+    from touchstone.reports.studies.work_precision.study import number
 
     if not isfinite(one.excess):
         return "does not play to the end, or lets bodies pass through each other"

@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import AdapterError, Array, Engine, Settings, Unsupported
 from touchstone.adapters.recorder import Player, ready
 from touchstone.adapters.recording import Recording
-from touchstone.adapters.workers.pool import EngineProcess, Slot
 from touchstone.reports.metrics.contacts.overlap import overlap_depth
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.contacts.swept_boxes import UNBOUNDED
@@ -32,6 +31,7 @@ from touchstone.reports.metrics.motion.energy import (
     mechanical_energy,
 )
 from touchstone.reports.metrics.motion.momentum import momentum_angular, momentum_linear
+from touchstone.reports.studies.study import Ended, Task
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.random_scenes.bodies import support
@@ -90,7 +90,7 @@ to 5 %."""
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class SeededTask:
     """One run: the scene of a seed on an engine; `perturbation` displaces each body by that distance [m]."""
 
     engine: str
@@ -301,17 +301,16 @@ def _momentum(context: Context) -> float:
     return max(found, default=nan)
 
 
-def assess_task(engine: Engine, task: Task) -> Assessment:
+def assess_task(engine: Engine, task: Task | SeededTask) -> Assessment:
     """Play a task in this process, with the bounds of its engine."""
     bounds = EXACT if task.engine == "reference" else FIRST_ORDER
     return assess(engine, task.scenario, task.settings, bounds)
 
 
-def asked_of(slot: Slot[EngineProcess], task: object) -> Assessment:
-    """Assessment of a task by a process that calls `assess_task`; one that dies or hangs has its class."""
-    child = slot.child()
-    found: Assessment | None = child.ask("play", task)
-    if child.failure is None and found is not None:
+def assessment_of(found: Assessment | Ended) -> Assessment:
+    """Assessment of a task, or the class of one that ended its process."""
+    if not isinstance(found, Ended):
         return found
-    status, reason = child.failure or ("error", "no answer")
-    return Assessment(status if status == "skipped" else "hang" if child.hung else "error", reason)
+    return Assessment(
+        "hang" if found.hung else found.status if found.status == "skipped" else "error", found.reason
+    )

@@ -68,19 +68,23 @@ def run_of(rows: pd.DataFrame, scenario: Scenario) -> Run | None:
 
 
 def truth_of(
-    scenario: Scenario, fine: Run | None, finer: Run | None, perturbed: Mapping[str, Iterable[Run]]
+    scenario: Scenario,
+    fine: Run | None,
+    finer: Run | None,
+    plain: Run | None,
+    perturbed: Iterable[Run],
 ) -> Truth | None:
     """The true motion: positions from the closed form if there is one, all else from the converged solution.
 
     Args:
         fine, finer: the converged solution and its check at half the step, which is the better of both.
-        perturbed: {"plain": [run], "perturbed": [runs]} at one step.
+        plain, perturbed: runs at one step, of the scene as it is and moved by a little.
     """
     closed = closed_path(scenario)
     if closed is None and finer is None:
         return None
     path = closed if closed is not None else finer.path  # type: ignore[union-attr]
-    horizon = _horizon(perturbed, len(path) - 1)
+    horizon = _horizon(plain, perturbed, len(path) - 1)
     change: dict[str, float] = {}
     events: dict[tuple[str, str], float] = {}
     if fine is not None and finer is not None:
@@ -116,14 +120,13 @@ def distance(one: Array, other: Array, horizon: int) -> float:
     return float(np.linalg.norm(one[:last] - other[:last], axis=-1).max())
 
 
-def _horizon(perturbed: Mapping[str, Iterable[Run]], last: int) -> int:
+def _horizon(plain: Run | None, perturbed: Iterable[Run], last: int) -> int:
     """Last frame before a perturbed run is farther than HORIZON_DISTANCE from the unperturbed one."""
     found = last
-    for plain in perturbed.get("plain", ()):
-        for other in perturbed.get("perturbed", ()):
-            apart = np.linalg.norm(plain.path - other.path, axis=-1).max(axis=1)
-            beyond = np.flatnonzero(apart > HORIZON_DISTANCE)
-            found = min(found, int(beyond[0]) - 1 if len(beyond) else last)
+    for other in perturbed if plain is not None else ():
+        apart = np.linalg.norm(plain.path - other.path, axis=-1).max(axis=1)
+        beyond = np.flatnonzero(apart > HORIZON_DISTANCE)
+        found = min(found, int(beyond[0]) - 1 if len(beyond) else last)
     return max(found, 1)
 
 

@@ -6,37 +6,177 @@ rounds play some of them. Every play is a cell of the store, so an interrupted s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
+from touchstone.adapters.contract import AdapterError, Settings
+from touchstone.adapters.knobs import Choice, Numbers, Range, split
+from touchstone.adapters.knobs import Setting as Knob
+from touchstone.adapters.recorder import substeps
+from touchstone.adapters.registry import ENGINES, settings_of
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.studies.tuning.space import Candidate, Space
+from touchstone.reports.studies.study import RefusedError
 from touchstone.reports.studies.work_precision.cheapest import TIME, Setting, cheapest
 from touchstone.reports.studies.work_precision.definitions import (
-    FINE,
-    FINER,
-    PERTURBED_SEEDS,
     QUANTITIES,
-    TRUTH_ENGINE,
-    TRUTH_PROFILE,
+    truth_cells,
 )
-from touchstone.reports.studies.work_precision.errors import Truth, closed_path, errors_of, run_of, truth_of
-from touchstone.reports.studies.work_precision.front import band
-from touchstone.reports.studies.work_precision.points import reproduce
-from touchstone.reports.sweep.cells import CATALOGUE, PERTURBED, TIMING, Cell
-from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.measures import FRAMES
+from touchstone.reports.studies.work_precision.errors import Truth, closed_path, errors_of
+from touchstone.reports.studies.work_precision.points import SweptRuns, band, reproduce, timing_cell
+from touchstone.reports.sweep.cells import CATALOGUE, PERTURBED, Cell
 from touchstone.reports.sweep.scenes import FILE, PERTURBED_FILE
 from touchstone.reports.sweep.sweep import Executor, sweep
 from touchstone.reports.sweep.timing_rounds import TimingRounds
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
+
+FACTORS = (0.1, 0.25, 0.5, 2.0, 4.0, 10.0)
+"""What a number of a profile is multiplied by [1]."""
+SHARES = (0.1, 0.01, 1e-4, 1e-6)
+"""Shares of the largest value of a number that is zero in every profile [1]."""
+COUNTS = (1, 3, 10, 30, 100, 300)
+"""Values of a whole number that is zero, or depends on the scene, in every profile."""
+SMALL = (1e-4, 1e-6, 1e-8, 1e-10)
+"""Values of a number that depends on the scene in every profile."""
+TOWARDS = 0.8
+"""Share of the way to a bound by which one of several numbers is moved [1]."""
+LADDER = (1, 2, 4, 8, 16, 32, 64)
+"""Steps of a frame of 1/60 s that are tried; a scene of another rate has as many a frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A setting of an engine: profile, native step [s], and changes as `Settings.changes`."""
+
+    profile: str
+    dt: float
+    changes: tuple[str, ...] = ()
+
+    @property
+    def settings(self) -> Settings:
+        """How to run the engine."""
+        return Settings(self.profile, self.dt, self.changes)
+
+
+class Space:
+    """Candidates of an engine in scenes."""
+
+    def __init__(self, engine: str, scenarios: Sequence[Scenario]) -> None:
+        self.engine, self._table = engine, settings_of(engine)
+        self._profiles = ENGINES[engine].profiles
+        self.steps = [
+            1 / (60 * k) for k in LADDER if all(_divides(scenario, 1 / (60 * k)) for scenario in scenarios)
+        ]
+        self._texts = [text for one in self._table.values() for text in values_of(one)]
+
+    def profiles(self) -> list[Candidate]:
+        """Every profile at its own step."""
+        return list(dict.fromkeys(Candidate(name, dt) for name, dt in self._profiles.items()))
+
+    def first(self, rng: np.random.Generator) -> list[Candidate]:
+        """Every profile at its step, then in drawn order: every profile at every step, and after each two
+        settings changed alone in the first profile. `equal-step` is another profile at one step."""
+        name, dt = next(iter(self._profiles.items()))
+        steps = [Candidate(one, step) for one in self._profiles if one != "equal-step" for step in self.steps]
+        alone = [one for text in self._texts if (one := self.changed(Candidate(name, dt), text))]
+        for several in (steps, alone):
+            rng.shuffle(several)
+        found = self.profiles()
+        while steps or alone:
+            found += [*steps[:1], *alone[:2]]
+            del steps[:1], alone[:2]
+        return list(dict.fromkeys(found))
+
+    def changed(self, candidate: Candidate, text: str) -> Candidate | None:
+        """A candidate with one more change, or another value of a changed one; None if it does nothing."""
+        others = [one for one in candidate.changes if split(one)[0] != split(text)[0]]
+        try:
+            changes = self._table.changes(candidate.profile, (*others, text))
+        except AdapterError:
+            return None
+        found = Candidate(candidate.profile, candidate.dt, changes)
+        return None if found == candidate else found
+
+    def near(self, candidate: Candidate, others: Iterable[Candidate], rng: np.random.Generator) -> Candidate:
+        """A candidate that differs in one thing: a change of another good one, a value, or the step."""
+        known = list(others)
+        for _ in range(20):
+            kind = int(rng.integers(4))
+            found: Candidate | None = None
+            if kind == 0 and self.steps:
+                found = Candidate(
+                    candidate.profile, self.steps[int(rng.integers(len(self.steps)))], candidate.changes
+                )
+            elif kind == 1 and known:
+                found = self._joined(candidate, known[int(rng.integers(len(known)))])
+            elif kind == 2 and candidate.changes:
+                text = candidate.changes[int(rng.integers(len(candidate.changes)))]
+                values = values_about(self._table[split(text)[0]], split(text)[1])
+                found = self.changed(candidate, values[int(rng.integers(len(values)))]) if values else None
+            elif self._texts:
+                found = self.changed(candidate, self._texts[int(rng.integers(len(self._texts)))])
+            if found is not None and found != candidate:
+                return found
+        return candidate
+
+    def _joined(self, candidate: Candidate, other: Candidate) -> Candidate | None:
+        """A candidate with the changes of another too."""
+        found: Candidate | None = candidate
+        for text in other.changes:
+            found = (found and self.changed(found, text)) or found
+        return found
+
+
+def values_of(setting: Knob) -> list[str]:
+    """Values of a setting as "key=value": all of a choice; of a number, around those of the profiles."""
+    plain = list(dict.fromkeys(value for value in setting.profiles if value))
+    if isinstance(setting, Choice):
+        return [f"{setting.name}={value}" for value in setting.values]
+    found = [text for value in plain for text in values_about(setting, value)]
+    if isinstance(setting, Range) and not any(float(value) for value in plain):
+        if setting.whole:
+            values: Sequence[float] = COUNTS
+        else:
+            values = SMALL if not plain else [share * setting.most for share in SHARES]
+        found += _valid(setting, values)
+    return list(dict.fromkeys((*found, *(f"{setting.name}={value}" for value in plain))))
+
+
+def values_about(setting: Knob, value: str) -> list[str]:
+    """Values near one of a number, or of several numbers; other choices."""
+    if isinstance(setting, Choice):
+        return [f"{setting.name}={one}" for one in setting.values if one != value]
+    if isinstance(setting, Range):
+        return _valid(setting, [float(value) * factor for factor in FACTORS])
+    assert isinstance(setting, Numbers)
+    numbers, found = setting.number(value), []
+    for k, (least, most) in enumerate(setting.bounds):
+        for bound in (least, most):
+            if isfinite(bound):
+                moved = [*numbers]
+                moved[k] = min(max(float(f"{numbers[k] + TOWARDS * (bound - numbers[k]):.4g}"), least), most)
+                found.append(f"{setting.name}={setting.word(moved)}")
+    return found
+
+
+def _valid(setting: Range, values: Iterable[float]) -> list[str]:
+    inside = [min(max(value, setting.least), setting.most) for value in values]
+    rounded = [round(one) if setting.whole else float(f"{one:.4g}") for one in inside]
+    return [f"{setting.name}={setting.word(one)}" for one in dict.fromkeys(rounded)]
+
+
+def _divides(scenario: Scenario, dt: float) -> bool:
+    try:
+        substeps(scenario, dt)
+    except ValueError:
+        return False
+    return True
+
 
 ROUNDS = 4
 """Rounds of the search after the first."""
@@ -86,10 +226,6 @@ class Found:
     tried: int = 0
 
 
-class NotMeasured(ValueError):
-    """Nothing can be said: a quantity of the limits is in no scene, or no setting played to the end."""
-
-
 class Search:
     """A search; `run` plays it."""
 
@@ -105,17 +241,14 @@ class Search:
         found: list[Cell] = []
         for name, scenario in self._asked.scenes.items():
             if closed_path(scenario) is None or "events" in self._asked.limits:
-                column = (name, TRUTH_ENGINE, TRUTH_PROFILE)
-                plain, moved = sources_of(name)
-                found += [Cell(*column, dt, source=plain) for dt in (FINE, FINER, 1 / 240)]
-                found += [Cell(*column, 1 / 240, seed=k, source=moved) for k in PERTURBED_SEEDS]
+                found += truth_cells(name, sources_of(name))
         return found
 
     def run(self) -> Found:
         """Search, time the finalists, and put each setting of the best back.
 
         Raises:
-            NotMeasured: see there.
+            RefusedError: a quantity of the limits is in no scene, or no setting played to the end.
         """
         asked, scenes = self._asked, list(self._asked.scenes)
         first = self.space.profiles()
@@ -197,45 +330,39 @@ class Search:
         cells = {key: self._cell(*key) for key in dict.fromkeys(keys)}
         if not cells:
             return
-        rows = self._swept(list(cells.values()))
+        swept = self._swept(list(cells.values()))
         for (candidate, name), cell in cells.items():
-            scenario = self._asked.scenes[name]
-            run = run_of(rows.get(hash_of(cell), _EMPTY), scenario)
+            run = swept.run(cell)
             truth = self._truths[name] if run is not None else None
             if run is None or truth is None:
                 self._errors[candidate, name] = ({}, inf)
             else:
                 self._errors[candidate, name] = (errors_of(run, truth), float(run.frames.mean()))
 
-    def _swept(self, cells: Sequence[Cell]) -> dict[str, pd.DataFrame]:
+    def _swept(self, cells: Sequence[Cell]) -> SweptRuns:
         asked = self._asked
-        frame = sweep(
-            cells, asked.store, jobs=asked.jobs, executor=asked.executor, progress=self._progress, series=True
-        )
-        return {str(key): part for key, part in frame.groupby("cell", sort=False)}
+        how = {"jobs": asked.jobs, "executor": asked.executor, "progress": self._progress}
+        return SweptRuns(sweep(cells, asked.store, **how, series=True))
 
     @cached_property
     def _truths(self) -> dict[str, Truth | None]:
         cells = self.truths
-        rows = self._swept(cells) if cells else {}
-        found = {}
-        for name, scenario in self._asked.scenes.items():
-            mine = [run_of(rows.get(hash_of(c), _EMPTY), scenario) for c in cells if c.scenario == name]
-            fine, finer, plain, *others = mine or [None] * 3
-            runs = {"plain": [plain] if plain else [], "perturbed": [one for one in others if one]}
-            found[name] = truth_of(scenario, fine, finer, runs)
-        return found
+        swept = self._swept(cells)
+        return {
+            name: swept.truth(scenario, [cell for cell in cells if cell.scenario == name])
+            for name, scenario in self._asked.scenes.items()
+        }
 
     def _check(self, profiles: Sequence[Candidate]) -> None:
-        """Raise NotMeasured if no profile has a quantity of the limits in any scene."""
+        """Refuse if no profile has a quantity of the limits in any scene."""
         every = [self._errors[one, name][0] for one in profiles for name in self._asked.scenes]
         has = [name for name in QUANTITIES if any(name in errors for errors in every)]
         if not has:
-            raise NotMeasured(
+            raise RefusedError(
                 f"no profile of {self._asked.engine} plays to the end, or nothing says what is true"
             )
         if gone := [name for name in self._asked.limits if name != TIME and name not in has]:
-            raise NotMeasured(f"no {' and no '.join(gone)} is measured here; there is {', '.join(has)}")
+            raise RefusedError(f"no {' and no '.join(gone)} is measured here; there is {', '.join(has)}")
 
     def _setting(self, candidate: Candidate, names: Sequence[str], times: Sequence[float] = ()) -> Setting:
         """A candidate with its worst errors and its longest frame over scenes."""
@@ -254,26 +381,16 @@ class Search:
         """Candidates with the times of their frames, alone on one core, each round with new processes."""
         names, rounds = list(self._asked.scenes), range(self._asked.timings)
         ended = [one for one in candidates if all(self._errors[one, name][0] for name in names)]
-        cells = {
-            (one, name, k): replace(self._cell(one, name), measure=TIMING, repeat=k)
-            for k in rounds
-            for one in ended
-            for name in names
-        }
-        frame = sweep(
-            list(cells.values()),
-            self._asked.store,
-            executor=TimingRounds,
-            progress=self._progress,
-            series=True,
-        )
-        rows = dict(iter(frame.groupby("cell", sort=False)))
+        cells = {(one, name): self._cell(one, name) for one in ended for name in names}
+        asked = [timing_cell(cell, k) for k in rounds for cell in cells.values()]
+        how = {"executor": TimingRounds, "progress": self._progress}
+        swept = SweptRuns(sweep(asked, self._asked.store, **how, series=True))
         found = {}
         for one in candidates:
             times = []
             for k in rounds if one in ended else ():
-                each = [_frame_time(rows.get(hash_of(cells[one, name, k]), _EMPTY)) for name in names]
-                times.append(max(each))
+                each = [swept.frames(cells[one, name], k) for name in names]
+                times.append(max(float(frames.mean()) if len(frames) else inf for frames in each))
             found[one] = self._setting(one, names, times)
         return found
 
@@ -281,15 +398,6 @@ class Search:
 def sources_of(name: str) -> tuple[str, str]:
     """Sources of a scene and of the same scene moved by a little: of the catalogue, or of a file."""
     return (CATALOGUE, PERTURBED) if name in catalogue() else (FILE, PERTURBED_FILE)
-
-
-_EMPTY = pd.DataFrame({"outcome": [], "metric": [], "series": []})
-
-
-def _frame_time(rows: pd.DataFrame) -> float:
-    """Mean time of the frames of a timing cell [s]; infinite if it has none."""
-    series = [s for m, s in zip(rows.metric, rows.series) if m == FRAMES]
-    return float(np.mean(series[0])) if series and len(series[0]) else inf
 
 
 def _rated(setting: Setting, limits: Mapping[str, float]) -> Setting:

@@ -1,0 +1,189 @@
+"""What all studies share: tasks in child processes, the folder of results, and failures as lines.
+
+A study lists its tasks, measures each in a child process, turns the results into rows, and draws them. Cells
+that a store keeps are played by a sweep (`reports/sweep`) instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import nan
+from pathlib import Path
+from typing import Any, Protocol
+
+import pandas as pd
+from rich.console import Console
+
+from touchstone.adapters.contract import MISSING, UNIMPORTABLE, AdapterError, Engine, Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.recording import Recording, RunEnded
+from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
+from touchstone.reports.views.tables import exact_number
+from touchstone.scenarios.scenario import Scenario
+
+PATIENCE = 600.0
+"""Time without an answer after which a process is terminated [s]: longer than a cold compilation."""
+PROCESSES = 2
+"""Largest number of processes that play untimed tasks at a time."""
+Column = tuple[str, str]
+"""Engine and profile."""
+Picture = Callable[[pd.DataFrame, Path], object]
+
+
+class RefusedError(ValueError):
+    """What is asked for cannot be measured; the message says why, in one line."""
+
+
+class EngineTask(Protocol):
+    """What a child process plays."""
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine."""
+
+    @property
+    def settings(self) -> Settings:
+        """How to run it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A scene on an engine; `file` keeps its recording."""
+
+    scenario: Scenario
+    engine: str
+    settings: Settings
+    file: Path | None = None
+
+    def record(self, engine: Engine) -> Recording:
+        """Play the scene in this process; a run that fails leaves its recording, too."""
+        try:
+            found = record(engine, self.scenario, self.settings)
+        except RunEnded as error:
+            if self.file is not None:
+                error.recording.save(self.file)
+            raise
+        if self.file is not None:
+            found.save(self.file)
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """Verdict and reason of a task without a result; `hung`: because there was no answer."""
+
+    status: str
+    reason: str
+    hung: bool = False
+
+
+def own_profile(engine: str) -> str:
+    """The profile in which an engine is compared with others: its first."""
+    return next(iter(ENGINES[engine].profiles))
+
+
+def own_step(engine: str, profile: str = "") -> float:
+    """Native step of a profile, or of an engine's own one [s]."""
+    return ENGINES[engine].profiles[profile or own_profile(engine)]
+
+
+def own_settings(engine: str, dt: float = 0.0, effects: tuple[str, ...] | None = None) -> Settings:
+    """Settings of an engine's own profile at its step, or at another."""
+    return Settings(own_profile(engine), dt or own_step(engine), effects=effects)
+
+
+def played(
+    play: Callable[[Engine, Any], object],
+    tasks: Sequence[EngineTask],
+    folder: Path,
+    progress: Progress,
+    *,
+    loader: Loader = load,
+    patience: float = PATIENCE,
+    processes: int = PROCESSES,
+) -> list[Any]:
+    """Result of `play(engine, task)` per task, in child processes whose output goes to `folder`.
+
+    A task that an engine refuses, or that ends its process, gives Ended, and the process is replaced. An
+    engine that cannot be imported is tried once.
+    """
+
+    unimportable: dict[str, Ended] = {}
+
+    def one(slot: Slot[EngineProcess], number: int) -> list[tuple[int, object]]:
+        engine = tasks[number].engine
+        found = unimportable.get(engine) or asked_of(slot, tasks[number])
+        if isinstance(found, Ended) and found.status == UNIMPORTABLE:
+            unimportable[engine] = found
+        return [(number, found)]
+
+    folder.mkdir(exist_ok=True)
+    start = partial(EngineProcess, partial(refusable, play), loader=loader, patience=patience)
+    done: dict[int, object] = {}
+    for number, found in Pool(start, min(processes, len(tasks)), folder).each(range(len(tasks)), one):
+        done[number] = found
+        progress(f"{tasks[number].engine} {tasks[number].settings.label}", 1)
+    return [done[number] for number in range(len(tasks))]
+
+
+def asked_of(slot: Slot[EngineProcess], task: EngineTask) -> Any:
+    """Result of a task by a process that plays it, or Ended if the process failed."""
+    child = slot.child()
+    found = child.ask("play", task)
+    return found if child.failure is None else Ended(*child.failure, child.hung)
+
+
+def refusable(play: Callable[[Engine, Any], object], engine: Engine, task: object) -> object:
+    """Result of a task, or Ended if the engine refuses it: the process goes on."""
+    try:
+        return play(engine, task)
+    except AdapterError as error:
+        return Ended(error.status, str(error))
+
+
+def missing_rows(study: str, columns: Iterable[Column], scenario: str = "all") -> list[Row]:
+    """A row per column whose engine is not installed."""
+    return [
+        Row(study, scenario, engine, profile, nan, "run", verdict=MISSING, reason=missing_reason(engine))
+        for engine, profile in columns
+        if not installed(engine)
+    ]
+
+
+def kept(
+    rows: Iterable[Row] | pd.DataFrame,
+    folder: Path,
+    facts: Mapping[str, object],
+    pictures: Mapping[str, Picture] = {},
+) -> pd.DataFrame:
+    """Save rows, manifest and pictures by their names in the folder; returns the long table."""
+    frame = rows if isinstance(rows, pd.DataFrame) else table(rows)
+    save(frame, folder)
+    save_manifest(folder, facts)
+    for name, draw in pictures.items():
+        illustrate(folder / name, partial(draw, frame))
+    return frame
+
+
+def failure_lines(frame: pd.DataFrame) -> list[str]:
+    """Lines of rows that broke a limit or failed, and of runs that did not take place, with their reasons."""
+    lines = []
+    for row in rows_of(frame[frame.verdict.isin(["fail", "known", "error"]) | (frame.metric == "run")]):
+        names = (row.engine, row.profile, row.scenario if row.scenario != "all" else "", row.subject)
+        what = " ".join(filter(None, (*names, row.metric if row.metric != "run" else "")))
+        if row.limit == row.limit:
+            what += f" {exact_number(row.value)}, limit {exact_number(row.limit)}"
+        lines.append(": ".join(filter(None, (row.verdict, what, row.reason))))
+    return lines
+
+
+def print_failures(frame: pd.DataFrame, out: Console) -> None:
+    """Print `failure_lines`."""
+    for line in failure_lines(frame):
+        style = "red" if line.startswith(("fail", "error")) else ""
+        out.print(line, highlight=False, soft_wrap=True, style=style)
