@@ -91,7 +91,7 @@ def studied(name: str, judge: bool = False) -> Callable[[Callable[..., Asked]], 
             ended(frame, asked.show, folder, output, quiet, by_name=bool(own.get("engine")))
 
         out = Annotated[Path | None, typer.Option(help=f"Folder (default: runs/{name}-<time>).")]
-        shared = {"out": (out, None), "output": (FormatOption, Format.table)}
+        shared: dict[str, tuple[Any, Any]] = {"out": (out, None), "output": (FormatOption, Format.table)}
         shared |= {"yes": (YesOption, False), "quiet": (QuietOption, False)}
         hints = get_type_hints(asked_for, include_extras=True)
         parameters = [
@@ -101,7 +101,9 @@ def studied(name: str, judge: bool = False) -> Callable[[Callable[..., Asked]], 
             Parameter(option, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
             for option, (annotation, default) in shared.items()
         ]
-        command.__signature__ = signature(asked_for).replace(parameters=parameters, return_annotation=None)
+        command.__dict__["__signature__"] = signature(asked_for).replace(
+            parameters=parameters, return_annotation=None
+        )
         command.__doc__ = asked_for.__doc__
         study.command(name)(command)
         return asked_for

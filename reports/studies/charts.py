@@ -16,7 +16,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from touchstone.reports.views.pictures import INK, PALE
 
 GRID = "#e8e8e8"
-STYLE = {"font.family": "DejaVu Sans", "axes.edgecolor": PALE, "svg.hashsalt": "touchstone"}
+STYLE: dict[Any, Any] = {"font.family": "DejaVu Sans", "axes.edgecolor": PALE, "svg.hashsalt": "touchstone"}
 
 
 @contextmanager
@@ -26,11 +26,11 @@ def figure(
     height: float,
     font: float = 9,
     kind: str = "png",
-    style: Mapping[str, Any] = {},
+    style: Mapping[Any, Any] = {},
     **options: Any,
 ) -> Iterator[Figure]:
     """An empty figure [inch] that is written to `path` in the end; an SVG bears no date."""
-    with rc_context({**STYLE, "font.size": font, **style}):  # type: ignore[arg-type]
+    with rc_context({**STYLE, "font.size": font, **style}):
         found = Figure(figsize=(width, height), **{"dpi": 150, "layout": "constrained", **options})
         FigureCanvasAgg(found)
         yield found

@@ -85,8 +85,8 @@ def run(scenarios: Sequence[Scenario], engines: Sequence[str], out: Path, progre
         rows = [replace(row, dt=own_step(row.engine)) for row in missing_rows(STUDY, columns)]
         for engine in filter(installed, engines):
             asked = [Task(one, engine, own_settings(engine)) for one in scenarios]
-            how = {"patience": COMPILE_PATIENCE, "processes": 1}
-            found = played(measure, asked, folder / "output", progress, **how)
+            output = folder / "output"
+            found = played(measure, asked, output, progress, patience=COMPILE_PATIENCE, processes=1)
             for task, one in zip(asked, found):
                 rows += rows_of_scene(task, one)
         rows += means(rows, tags)

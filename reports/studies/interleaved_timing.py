@@ -70,8 +70,9 @@ def measure(
         progress: receives the detector and its number of finished queries.
     """
     n = len(pairs)
+    nothing = np.full(n, np.nan)
     measured = {
-        name: Answered(*(np.full(shape, np.nan) for shape in (n, (n, 3), n)), held=np.full(n, np.nan))
+        name: Answered(nothing.copy(), np.full((n, 3), np.nan), nothing.copy(), held=nothing.copy())
         for name in names
     }
     children = []

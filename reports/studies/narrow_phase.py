@@ -447,7 +447,11 @@ def _frame(axes: Axes, points: list[Point]) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{seconds * 1e6:g}"))
     for level, name in LEVELS:
         axes.axhline(level, color=PALE, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
-        place = {"xycoords": ("axes fraction", "data"), "xytext": (4, 3), "textcoords": "offset points"}
+        place: dict[str, Any] = {
+            "xycoords": ("axes fraction", "data"),
+            "xytext": (4, 3),
+            "textcoords": "offset points",
+        }
         axes.annotate(name, (0, level), **place, fontsize=8.5, color=PALE)
     open_axes(axes, "y", 10.5)
     axes.set_xlabel("median time per query [µs], one thread, crossing from Python taken off", color=INK)

@@ -248,17 +248,16 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     heads = [f"{engine} {profile}" for engine, profile in columns]
     table = table_of("relations: changed scenes", ("relation", *heads), padding=(0, 2, 0, 0))
     for name in NAMES:
-        mine = rows[rows.relation == name]
-        parts = [
-            mine[(mine.engine == engine) & (mine.profile == profile)].scaled for engine, profile in columns
-        ]
-        table.add_row(name, *map(_cell, parts))
+        mine = rows[rows.relation == name].set_index(["engine", "profile"]).scaled
+        table.add_row(name, *(_cell(mine[mine.index == column]) for column in columns))
     out.print(table)
     print_notes((*NOTES, *_meanings()), out)
     print_failures(frame[frame.verdict.isin(["fail", "error"])][:LISTED], out)
 
 
 def _cell(part: pd.Series) -> str:
+    if part.empty:
+        return ""
     return f"{int((part <= HELD).sum())} of {len(part)}  {part.median():.0e} {part.max():.0e}"
 
 

@@ -341,8 +341,16 @@ class Search:
 
     def _swept(self, cells: Sequence[Cell]) -> SweptRuns:
         asked = self._asked
-        how = {"jobs": asked.jobs, "executor": asked.executor, "progress": self._progress}
-        return SweptRuns(sweep(cells, asked.store, **how, series=True))
+        return SweptRuns(
+            sweep(
+                cells,
+                asked.store,
+                jobs=asked.jobs,
+                executor=asked.executor,
+                progress=self._progress,
+                series=True,
+            )
+        )
 
     @cached_property
     def _truths(self) -> dict[str, Truth | None]:
@@ -383,8 +391,8 @@ class Search:
         ended = [one for one in candidates if all(self._errors[one, name][0] for name in names)]
         cells = {(one, name): self._cell(one, name) for one in ended for name in names}
         asked = [timing_cell(cell, k) for k in rounds for cell in cells.values()]
-        how = {"executor": TimingRounds, "progress": self._progress}
-        swept = SweptRuns(sweep(asked, self._asked.store, **how, series=True))
+        timed = sweep(asked, self._asked.store, executor=TimingRounds, progress=self._progress, series=True)
+        swept = SweptRuns(timed)
         found = {}
         for one in candidates:
             times = []

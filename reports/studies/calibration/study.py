@@ -100,14 +100,13 @@ def run(
         found = list(zip(asked, played(measure, asked, folder / "output", progress, loader=loader)))
         rows = missing_rows(STUDY, columns)
         rows = [replace(row, dt=own_step(row.engine, row.profile)) for row in rows]
-        engines: dict[str, dict[str, object]] = {}
-        for engine, profile in columns:
-            if engine not in engines:
-                mine = [(task, one) for task, one in found if task.engine == engine]
-                rows += rows_of_engine(mine)
-                version = next((one.version for _, one in mine if isinstance(one, Motion)), "")
-                engines[engine] = {"version": version, "profiles": []}
-            engines[engine]["profiles"] += [profile]
+        engines = {}
+        for engine in dict.fromkeys(engine for engine, _ in columns):
+            mine = [(task, one) for task, one in found if task.engine == engine]
+            rows += rows_of_engine(mine)
+            version = next((one.version for _, one in mine if isinstance(one, Motion)), "")
+            profiles = [profile for name, profile in columns if name == engine]
+            engines[engine] = {"version": version, "profiles": profiles}
         facts = {"study": STUDY, "grid": asdict(grid), "engines": engines}
         pictures = {"report.md": write_report, "calibration.png": requested_and_achieved}
         return kept([judged(row, ()) for row in rows], folder, facts, pictures)

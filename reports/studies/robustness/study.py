@@ -95,8 +95,8 @@ def run(
 ) -> pd.DataFrame:
     """Play all tasks and judge the columns; the folder appears complete or not at all."""
     with output_folder(out) as folder:
-        how = {"loader": loader, "patience": patience}
-        found = played(assess_task, asked, folder / "output", progress, **how)
+        output = folder / "output"
+        found = played(assess_task, asked, output, progress, loader=loader, patience=patience)
         runs = list(zip(asked, map(assessment_of, found)))
         lines = table_of_runs(runs)
         write_beside(folder / "runs.csv", lambda part: lines.to_csv(part, index=False))

@@ -123,7 +123,9 @@ def distance(one: Array, other: Array, horizon: int) -> float:
 def _horizon(plain: Run | None, perturbed: Iterable[Run], last: int) -> int:
     """Last frame before a perturbed run is farther than HORIZON_DISTANCE from the unperturbed one."""
     found = last
-    for other in perturbed if plain is not None else ():
+    for other in perturbed:
+        if plain is None:
+            break
         apart = np.linalg.norm(plain.path - other.path, axis=-1).max(axis=1)
         beyond = np.flatnonzero(apart > HORIZON_DISTANCE)
         found = min(found, int(beyond[0]) - 1 if len(beyond) else last)

@@ -252,6 +252,13 @@ STYLES: dict[str, Any] = {"paper": ":", "balanced": "-", "accurate": "--"}
 FRONT = "#bbbbbb"
 MOST_ROWS = 6
 """Scenes of one picture; more go into further files."""
+HOLLOW: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 4.5,
+    "markerfacecolor": "white",
+    "markeredgecolor": INK,
+}
 TOLERANCE: dict[str, Any] = {"color": PALE, "linestyle": (0, (1, 2))}
 
 
@@ -302,8 +309,8 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:
     for (engine, profile), line in part[part.settings == ""].groupby(["engine", "profile"], sort=False):
         _line(axes, line.sort_values("dt"), str(engine), str(profile))
     for engine, changed in part[part.settings != ""].groupby("engine", sort=False):
-        look = {"marker": marker_of(str(engine)), "markersize": 4.5, "markeredgecolor": color_of(str(engine))}
-        axes.plot(changed.time, changed.drawn, linestyle="none", markerfacecolor="white", zorder=3, **look)
+        look = {**HOLLOW, "marker": marker_of(str(engine)), "markeredgecolor": color_of(str(engine))}
+        axes.plot(changed.time, changed.drawn, zorder=3, **look)
     low, high = part.drawn.min(), part.drawn.max()
     axes.set_ylim(max(low, floor) / 3, max(high * 3, low * 30))
     axes.axhline(QUANTITIES[quantity].tolerance, linewidth=0.8, zorder=0, **TOLERANCE)
@@ -316,8 +323,8 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:
 def _line(axes: Axes, line: pd.DataFrame, engine: str, profile: str) -> None:
     axes.plot(line.time, line.drawn, **_look(engine, profile), markersize=3.5, linewidth=1.2, zorder=4)
     # the band: from the least to the largest of the rounds
-    band = {"color": color_of(engine), "linewidth": 2.5, "alpha": 0.3}
-    axes.hlines(line.drawn, line.time_low, line.time_high, zorder=2, **band)
+    color = color_of(engine)
+    axes.hlines(line.drawn, line.time_low, line.time_high, color=color, linewidth=2.5, alpha=0.3, zorder=2)
 
 
 def _look(engine: str, profile: str) -> dict[str, Any]:
@@ -331,9 +338,7 @@ def _legend(table: pd.DataFrame) -> list[Line2D]:
         Line2D([], [], label=f"{engine}, {profile}", markersize=4, **_look(engine, profile))
         for engine, profile in dict.fromkeys(zip(lines.engine, lines.profile))
     ]
-    hollow = {"marker": "o", "markersize": 4.5, "markerfacecolor": "white", "markeredgecolor": INK}
-    label = "another value of the main knob"
-    handles.append(Line2D([], [], linestyle="none", label=label, **hollow))  # type: ignore[arg-type]
+    handles.append(Line2D([], [], label="another value of the main knob", **HOLLOW))
     handles.append(Line2D([], [], color=FRONT, linewidth=4, label="Pareto front"))
     handles.append(Line2D([], [], label="tolerance", **TOLERANCE))
     return handles
