@@ -26,9 +26,15 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table
-from touchstone.reports.studies.interleaved_timing import Answered, Stretch, measure
-from touchstone.reports.studies.narrow_phase import Mask, PairTruth, depth_errors, with_median, with_ratio
-from touchstone.reports.studies.poses import corners, size_of
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
+from touchstone.reports.studies.narrow_phase.poses import corners, size_of
+from touchstone.reports.studies.narrow_phase.study import (
+    Mask,
+    PairTruth,
+    depth_errors,
+    with_median,
+    with_ratio,
+)
 
 __all__ = ["Plan", "run", "show", "steps"]
 

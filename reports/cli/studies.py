@@ -127,7 +127,7 @@ def narrow_phase(
 ) -> Asked:
     """Send the same poses through every detector; compare with the explicit Minkowski difference."""
     from touchstone.adapters.detectors import DETECTORS
-    from touchstone.reports.studies import narrow_phase as module
+    from touchstone.reports.studies.narrow_phase import study as module
 
     if not re.fullmatch(r"[+-]?[0-9]+", pairs):
         given = _pairs_of(Path(pairs))

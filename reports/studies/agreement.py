@@ -162,7 +162,7 @@ def rows_of_scene(
 ) -> list[Row]:
     """All rows of one scene: per engine its errors and order, and the outlier of them all."""
     columns = [(engine, own_profile(engine)) for engine in ENGINES]
-    rows = [replace(row, dt=own_step(row.engine)) for row in missing_rows(STUDY, columns, scenario.name)]
+    rows = missing_rows(STUDY, columns, scenario.name)
     paths: dict[str, dict[float, Course]] = {engine: {} for engine in ENGINES if installed(engine)}
     truth: Course | None = None
     for task, one in found:

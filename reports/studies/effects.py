@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from rich.console import Console
 
-from touchstone.adapters.contract import Array, Engine, Settings
+from touchstone.adapters.contract import Array, Engine
 from touchstone.adapters.registry import installed, load
 from touchstone.adapters.workers.process import COMPILE_PATIENCE
 from touchstone.adapters.workers.variants import Pace, Variant, plan_seconds, play
@@ -40,8 +40,8 @@ from touchstone.reports.studies.study import (
     missing_rows,
     own_profile,
     own_settings,
-    own_step,
     played,
+    with_interval,
 )
 from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 from touchstone.reports.views.tables import exact_number
@@ -82,7 +82,7 @@ def run(scenarios: Sequence[Scenario], engines: Sequence[str], out: Path, progre
     with output_folder(out) as folder:
         tags = {scenario.name: scenario.tags for scenario in scenarios}
         columns = [(engine, own_profile(engine)) for engine in engines]
-        rows = [replace(row, dt=own_step(row.engine)) for row in missing_rows(STUDY, columns)]
+        rows = missing_rows(STUDY, columns)
         for engine in filter(installed, engines):
             asked = [Task(one, engine, own_settings(engine)) for one in scenarios]
             output = folder / "output"
@@ -114,8 +114,7 @@ def rows_of_scene(task: Task, found: tuple[Array, dict[str, Variant]] | Ended) -
     seconds, variants = found
     rows = []
     if len(seconds):
-        value, low, high = median_interval(seconds)
-        rows.append(replace(base, metric="time.plan", unit="s", value=value, low=low, high=high))
+        rows.append(with_interval(base, median_interval(seconds), metric="time.plan", unit="s"))
     if variants[""].ended:
         return [*rows, replace(base, verdict="error", reason=variants[""].ended)]
     return rows + rows_of_variants(base, variants)
@@ -137,10 +136,7 @@ def costs(scenario: Scenario, passes: int = PASSES) -> dict[str, float]:
     """What each effect costs on the reference in a scene, relative to the time of its plan [1]: what a frame
     takes longer with it than without. Effects that the scene cannot be played without are absent."""
     wanted = toggles(scenario)
-    settings = [
-        Settings(own_profile(REFERENCE), own_step(REFERENCE), effects=effects)
-        for effects in (None, *wanted.values())
-    ]
+    settings = [own_settings(REFERENCE, effects=effects) for effects in (None, *wanted.values())]
     _, *variants = play(load(REFERENCE), scenario, settings, np.inf, passes)
     found = {}
     for name, variant in zip(wanted, variants):
@@ -153,8 +149,8 @@ def costs(scenario: Scenario, passes: int = PASSES) -> dict[str, float]:
 def rows_of_variants(base: Row, played: Mapping[str, Variant]) -> list[Row]:
     """Time saved by the plan, and the difference of the outcome from the plan's, by variant."""
     rows = []
-    value, low, high = median_interval(_times(base, played[""].pace), middle=np.mean)
-    rows.append(replace(base, metric="time.frame", unit="s", value=value, low=low, high=high))
+    frame = median_interval(_times(base, played[""].pace), middle=np.mean)
+    rows.append(with_interval(base, frame, metric="time.frame", unit="s"))
     for subject, other in played.items():
         if not subject:
             continue
@@ -182,9 +178,8 @@ def _saved(row: Row, other: Variant) -> list[Row]:
     if min(len(mine), len(theirs)) == 0:
         return []
     ratio = time_ratio(mine, theirs, middle=np.mean)
-    saved = replace(
-        row, metric="time.saved", unit="1", value=1 - ratio.value, low=1 - ratio.high, high=1 - ratio.low
-    )
+    interval = (1 - ratio.value, 1 - ratio.high, 1 - ratio.low)
+    saved = with_interval(row, interval, metric="time.saved", unit="1")
     slower = replace(row, metric="time.slower", unit="1", value=max(0.0, ratio.low - 1))
     return [saved, slower] if row.subject == ALL else [saved]
 
@@ -206,9 +201,9 @@ def means(rows: Sequence[Row], tags: Mapping[str, Sequence[str]]) -> list[Row]:
             left = np.log([[1 - row.value, 1 - row.high, 1 - row.low] for row in mine])
             middle = left[:, 0].mean()
             down, up = (np.sqrt(((left[:, k] - left[:, 0]) ** 2).sum()) / len(mine) for k in (1, 2))
-            value, low, high = (float(np.exp(x)) for x in (middle, middle - down, middle + up))
-            base = replace(mine[0], scenario=group, metric="time.left", reason=f"{len(mine)} scenes")
-            found.append(replace(base, value=value, low=low, high=high))
+            interval = (float(np.exp(middle)), float(np.exp(middle - down)), float(np.exp(middle + up)))
+            fields = {"scenario": group, "metric": "time.left", "reason": f"{len(mine)} scenes"}
+            found.append(with_interval(mine[0], interval, **fields))
     return found
 
 

@@ -33,7 +33,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.study import RefusedError, kept, print_failures
+from touchstone.reports.studies.study import RefusedError, kept, print_failures, with_interval
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.avatar.avatar import HAND_LENGTH, avatar_parts, standing_tracker
@@ -194,7 +194,7 @@ def rows(count: int, seed: int, progress: Progress) -> list[Row]:
     crossings = {engine: np.array([arm.cross(engine) for _ in range(CROSSINGS)]) for engine, _ in SOLVERS}
     for engine, sample in crossings.items():
         base = Row(STUDY, "arm", engine, "", nan, "time.crossing", unit="s", seed=seed)
-        found.append(_timed(base, sample))
+        found.append(with_interval(base, median_interval(sample)))
     return [judged(row, ()) for row in found]
 
 
@@ -206,17 +206,17 @@ def _rows_of(base: Row, answers: Array, loop_seconds: Array) -> list[Row]:
         replace(base, metric="ik.passes", subject=subject, unit="1", value=float(np.percentile(passes, part)))
         for subject, part in (("median", 50), ("p95", 95), ("max", 100))
     ]
-    found = [missed, farthest, *work, _timed(replace(base, metric="time.solve", unit="s"), seconds)]
+    found = [
+        missed,
+        farthest,
+        *work,
+        with_interval(base, median_interval(seconds), metric="time.solve", unit="s"),
+    ]
     if base.engine != "pinocchio":
         ratio = time_ratio(seconds, loop_seconds)
-        row = replace(base, metric="ratio.time", subject="pinocchio", unit="1", value=ratio.value)
-        found.append(replace(row, low=ratio.low, high=ratio.high))
+        interval = (ratio.value, ratio.low, ratio.high)
+        found.append(with_interval(base, interval, metric="ratio.time", subject="pinocchio", unit="1"))
     return found
-
-
-def _timed(row: Row, sample: Array) -> Row:
-    middle, low, high = median_interval(sample)
-    return replace(row, value=middle, low=low, high=high)
 
 
 MICRO = 1e6

@@ -40,6 +40,7 @@ from touchstone.reports.studies.study import (
     own_step,
     played,
     print_failures,
+    with_interval,
 )
 from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 from touchstone.reports.views.tables import number
@@ -139,7 +140,7 @@ def rows_of_scene(
 ) -> list[Row]:
     """Rows of amplification per engine and size, and of the closed form's."""
     columns = [(engine, own_profile(engine)) for engine in ENGINES]
-    rows = [replace(row, dt=own_step(row.engine)) for row in missing_rows(STUDY, columns, scenario.name)]
+    rows = missing_rows(STUDY, columns, scenario.name)
     ends: dict[str, list[Array]] = {engine: [] for engine in ENGINES if installed(engine)}
     for (_, engine), one in found.items():
         if not isinstance(one, Ended):
@@ -207,8 +208,9 @@ def _rows(base: Row, found: Array, truth: Array | None = None) -> list[Row]:
     form's."""
     rows = []
     for k, size in enumerate(SIZES):
-        row = replace(base, metric=METRIC, unit="1", subject=f"{size:g} m", value=float(np.median(found[k])))
-        rows.append(replace(row, low=float(found[k].min()), high=float(found[k].max())))
+        row = replace(base, metric=METRIC, unit="1", subject=f"{size:g} m")
+        row = with_interval(row, (float(np.median(found[k])), float(found[k].min()), float(found[k].max())))
+        rows.append(row)
         if truth is not None:
             error = float(np.abs(found[k] / truth[k] - 1).max())
             rows.append(replace(row, metric=ERROR, value=error))

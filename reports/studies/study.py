@@ -7,9 +7,8 @@ that a store keeps are played by a sweep (`reports/sweep`) instead.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from math import nan
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -149,10 +148,24 @@ def refusable(play: Callable[[Engine, Any], object], engine: Engine, task: objec
 def missing_rows(study: str, columns: Iterable[Column], scenario: str = "all") -> list[Row]:
     """A row per column whose engine is not installed."""
     return [
-        Row(study, scenario, engine, profile, nan, "run", verdict=MISSING, reason=missing_reason(engine))
-        for engine, profile in columns
-        if not installed(engine)
+        Row(
+            study,
+            scenario,
+            *column,
+            own_step(*column),
+            "run",
+            verdict=MISSING,
+            reason=missing_reason(column[0]),
+        )
+        for column in columns
+        if not installed(column[0])
     ]
+
+
+def with_interval(row: Row, interval: tuple[float, float, float], **fields: Any) -> Row:
+    """The row with a value and the interval around it (value, low, high), and other fields."""
+    value, low, high = interval
+    return replace(row, value=value, low=low, high=high, **fields)
 
 
 def kept(

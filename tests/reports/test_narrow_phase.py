@@ -11,14 +11,14 @@ import pytest
 from touchstone.adapters.detectors import DETECTORS, REFERENCE, Entry, load, missing_reason
 from touchstone.reports.output_folder import OutputError
 from touchstone.reports.results import COLUMNS
-from touchstone.reports.studies.narrow_phase import (
+from touchstone.reports.studies.narrow_phase.poses import FAMILIES, TOUCH, draw
+from touchstone.reports.studies.narrow_phase.study import (
     Answered,
     depth_errors,
     normal_errors,
     run,
     truth_of,
 )
-from touchstone.reports.studies.poses import FAMILIES, TOUCH, draw
 from touchstone.reports.studies.study import RefusedError
 
 PAIRS = 3 * len(FAMILIES)
@@ -105,7 +105,7 @@ def test_the_terminal_shows_every_detector(results) -> None:
     """Print a row per detector and the reason of a skipped one."""
     from rich.console import Console
 
-    from touchstone.reports.studies.narrow_phase import show
+    from touchstone.reports.studies.narrow_phase.study import show
 
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
     show(results[0], console)

@@ -7,7 +7,7 @@ motion. Adapters never read the results.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from math import isnan, nan
 from pathlib import Path
 from typing import NamedTuple
@@ -99,7 +99,6 @@ def run(
         asked = tasks([column for column in columns if installed(column[0])], grid)
         found = list(zip(asked, played(measure, asked, folder / "output", progress, loader=loader)))
         rows = missing_rows(STUDY, columns)
-        rows = [replace(row, dt=own_step(row.engine, row.profile)) for row in rows]
         engines = {}
         for engine in dict.fromkeys(engine for engine, _ in columns):
             mine = [(task, one) for task, one in found if task.engine == engine]

@@ -276,15 +276,17 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
     errors = frame[frame.metric == ERROR]
     scenes = list(dict.fromkeys(errors.scenario))
     with figure(path, 2.5 * ACROSS, 2.25 * rows_for(len(scenes), ACROSS) + 0.9, 8.5) as drawn:
-        for axes, scenario in zip(panels(drawn, len(scenes), ACROSS, sharex=True, sharey=True), scenes):
+        grid = panels(drawn, len(scenes), ACROSS, sharex=True, sharey=True)
+        for axes, scenario in zip(grid, scenes):
             _panel(axes, errors[errors.scenario == scenario], str(scenario))
+        for axes in grid[-ACROSS:]:
+            axes.set_xlabel("step [s]", color=INK)
         lines = list(dict.fromkeys(zip(errors.engine, errors.profile)))
         handles = [Line2D([], [], label=" ".join(line), markersize=4, **_look(*line)) for line in lines]
         handles.append(Line2D([], [], label="slopes 1 and 2", **GUIDES))
         handles.append(Line2D([], [], label="own step", **OWN))
         drawn.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
         drawn.supylabel("error over the scene's size", fontsize=10, color=INK)
-        drawn.supxlabel("step [s]", fontsize=10, color=INK)
 
 
 def _panel(axes: Axes, part: pd.DataFrame, scenario: str) -> None:

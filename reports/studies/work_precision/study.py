@@ -290,7 +290,8 @@ def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -
         for axes, quantity in zip(grid[0], quantities):
             unit = QUANTITIES[quantity].unit
             axes.set_title(f"{quantity}{'' if unit == '1' else f' [{unit}]'}", fontsize=10, color=INK)
-        drawn.supxlabel("wall time per simulated second [s]", color=INK, fontsize=9)
+        for axes in grid[-1]:
+            axes.set_xlabel("wall time per simulated second [s]", color=INK)
         drawn.legend(handles=_legend(table), loc="outside lower center", ncols=4, frameon=False)
         drawn.suptitle("Error over time: lower left is better", color=INK)
 

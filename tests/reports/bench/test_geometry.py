@@ -31,8 +31,8 @@ from touchstone.reports.bench.poses import (
     spread_vertices,
 )
 from touchstone.reports.results import COLUMNS
-from touchstone.reports.studies.interleaved_timing import Answered
-from touchstone.reports.studies.poses import corners
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
+from touchstone.reports.studies.narrow_phase.poses import corners
 
 OTHER, ABSENT = "coal", "absent"
 TINY = Plan(pairs=2, frames=3, turns=1, passes=1)

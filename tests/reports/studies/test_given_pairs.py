@@ -11,8 +11,8 @@ import pytest
 from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.detectors import DETECTORS
 from touchstone.adapters.oracles.minkowski import piece_distance
-from touchstone.reports.studies import narrow_phase
-from touchstone.reports.studies.interleaved_timing import Answered
+from touchstone.reports.studies.narrow_phase import study as narrow_phase
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
 from touchstone.scenarios.files.pair_file import read_pairs
 from touchstone.scenarios.files.read import SceneFileError
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Piece, Sphere

@@ -33,9 +33,9 @@ from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.charts import figure, logarithmic, open_axes
-from touchstone.reports.studies.interleaved_timing import Answered, Stretch, measure
-from touchstone.reports.studies.poses import FAMILIES, corners, draw, size_of
-from touchstone.reports.studies.study import RefusedError, failure_lines, kept
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
+from touchstone.reports.studies.narrow_phase.poses import FAMILIES, corners, draw, size_of
+from touchstone.reports.studies.study import RefusedError, failure_lines, kept, with_interval
 from touchstone.reports.views.pictures import INK, MARKERS, PALE, detector_color
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import print_notes, table_of
@@ -93,8 +93,7 @@ def rows_of_study(truth: PairTruth, measured: Mapping[str, Answered]) -> list[Ro
         remark = "" if np.any(mine.crossing) else "one crossing for a whole batch"
         cross = replace(base, metric="time.crossing", unit="s", reason=remark)
         for subject, sample in zip(("apart", "touching"), np.concatenate(mine.crossing).T):
-            middle, low, high = median_interval(sample)
-            rows.append(replace(cross, subject=subject, value=middle, low=low, high=high))
+            rows.append(with_interval(cross, median_interval(sample), subject=subject))
     return rows + _ratios(truth, measured, errors)
 
 
@@ -188,7 +187,7 @@ def with_ratio(row: Row, ours: Array, theirs: Array) -> Row:
         reason = "no query" if not both.any() else "queries cost no more than their crossing"
         return replace(row, verdict="skipped", reason=reason)
     ratio = time_ratio(ours[both], theirs[both])
-    return replace(row, value=ratio.value, low=ratio.low, high=ratio.high)
+    return with_interval(row, (ratio.value, ratio.low, ratio.high))
 
 
 def with_median(row: Row, seconds: Array, reason: str) -> Row:
@@ -196,8 +195,7 @@ def with_median(row: Row, seconds: Array, reason: str) -> Row:
     seconds, row = seconds[np.isfinite(seconds)], replace(row, unit="s")
     if not len(seconds):
         return replace(row, verdict="skipped", reason=reason)
-    value, low, high = median_interval(seconds)
-    return replace(row, value=value, low=low, high=high)
+    return with_interval(row, median_interval(seconds))
 
 
 SLICE = 5 * len(FAMILIES)
