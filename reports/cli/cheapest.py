@@ -27,7 +27,7 @@ from touchstone.reports.cli.options import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from touchstone.reports.studies.work_precision.cheapest import Answer, Setting
+    from touchstone.reports.studies.work_precision.cheapest import Answer, MeasuredSetting
 
 
 def cheapest(
@@ -116,7 +116,7 @@ def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
 def rows(answer: Answer, limits: dict[str, float]) -> list[dict[str, object]]:
     """The settings of the answer, the cheapest first, each with its place, times [s], errors and limits [SI],
     and the command that plays it. An infinite error, such as that of a passage, is None: JSON has none."""
-    places: tuple[tuple[str, tuple[Setting | None, ...]], ...] = (
+    places: tuple[tuple[str, tuple[MeasuredSetting | None, ...]], ...] = (
         ("cheapest" if answer.met else "nearest miss", (answer.best,)),
         ("cannot tell apart", answer.tied),
         ("runner-up" if answer.met else "next", (answer.runner_up,)),
@@ -153,7 +153,7 @@ def lines(answer: Answer, limits: dict[str, float]) -> list[str]:
     return [*found, f"again: {best.command}"]
 
 
-def words_of(setting: Setting) -> str:
+def words_of(setting: MeasuredSetting) -> str:
     """A setting and its time, with the range of the rounds."""
     from touchstone.reports.run.request import step_text
     from touchstone.reports.studies.work_precision.study import number
@@ -163,7 +163,7 @@ def words_of(setting: Setting) -> str:
     return f"{label} at {step_text(setting.dt)} s: {number(setting.time, 's')} a frame ({low} to {high})"
 
 
-def margins(setting: Setting, limits: Mapping[str, float]) -> str:
+def margins(setting: MeasuredSetting, limits: Mapping[str, float]) -> str:
     """Each error beside its limit."""
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES

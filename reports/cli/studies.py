@@ -47,7 +47,7 @@ StoreOption = Annotated[Path, typer.Option(help="Folder of all cells; what it ho
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class StudyRequest:
     """A study with the arguments of its command.
 
     Attributes:
@@ -66,14 +66,16 @@ class Asked:
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
 
 
-def studied(name: str, judge: bool = False) -> Callable[[Callable[..., Asked]], Callable[..., Asked]]:
+def studied(
+    name: str, judge: bool = False
+) -> Callable[[Callable[..., StudyRequest]], Callable[..., StudyRequest]]:
     """Register a function of a study's own options as `touchstone study NAME`; it returns what they ask for.
 
     All studies have the options --out, --format, --yes and --quiet, measure with progress, and exit with the
     code of their verdicts. With `judge`, the libraries that judge measurements are needed.
     """
 
-    def register(asked_for: Callable[..., Asked]) -> Callable[..., Asked]:
+    def register(asked_for: Callable[..., StudyRequest]) -> Callable[..., StudyRequest]:
         def command(out: Path | None, output: Format, yes: bool, quiet: bool, **own: Any) -> None:
             from touchstone.reports.studies.study import RefusedError
             from touchstone.reports.sweep.store import StoreError
@@ -124,7 +126,7 @@ def narrow_phase(
         str, typer.Option(help="Number of random pairs over all families, or a file of pairs (JSON, TOML).")
     ] = "1000",
     seed: Annotated[int, typer.Option(min=0, help="Of the random poses.")] = 0,
-) -> Asked:
+) -> StudyRequest:
     """Send the same poses through every detector; compare with the explicit Minkowski difference."""
     from touchstone.adapters.detectors import DETECTORS
     from touchstone.reports.studies.narrow_phase import study as module
@@ -132,10 +134,10 @@ def narrow_phase(
     if not re.fullmatch(r"[+-]?[0-9]+", pairs):
         given = _pairs_of(Path(pairs))
         run = partial(module.run_given, given)
-        return Asked(len(given) * len(DETECTORS), run, module.show)
+        return StudyRequest(len(given) * len(DETECTORS), run, module.show)
     if (count := int(pairs)) > MOST:
         stop(f"--pairs {pairs}: expected at most {MOST}", BAD_INPUT)
-    return Asked(count * len(DETECTORS), partial(module.run, count, seed), module.show)
+    return StudyRequest(count * len(DETECTORS), partial(module.run, count, seed), module.show)
 
 
 def _pairs_of(path: Path) -> list[GivenPair]:
@@ -155,23 +157,25 @@ def _pairs_of(path: Path) -> list[GivenPair]:
 def inverse_kinematics(
     goals: Annotated[int, typer.Option(max=MOST, help="Random reachable goals of the left arm.")] = 10_000,
     seed: Annotated[int, typer.Option(min=0, help="Of the random postures.")] = 0,
-) -> Asked:
+) -> StudyRequest:
     """Solve inverse kinematics of an arm from near and from rest, beside a loop on pinocchio."""
     from touchstone.reports.studies import inverse_kinematics as module
 
-    return Asked(module.steps(goals), partial(module.run, goals, seed), module.show)
+    return StudyRequest(module.steps(goals), partial(module.run, goals, seed), module.show)
 
 
 @studied("calibration")
 def calibration(
     engine: EngineOption = None,
     profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: all).")] = None,
-) -> Asked:
+) -> StudyRequest:
     """Measure the restitution and friction that engines achieve, beside what they were asked for."""
     from touchstone.reports.studies.calibration import study as module
 
     columns = columns_for(engine or [], profile or [])
-    return Asked(len(module.tasks(columns, module.Grid())), partial(module.run, columns), module.show)
+    return StudyRequest(
+        len(module.tasks(columns, module.Requested())), partial(module.run, columns), module.show
+    )
 
 
 @studied("agreement")
@@ -179,12 +183,12 @@ def agreement(
     scenario: Annotated[
         list[str] | None, typer.Argument(help="Scenes with a closed form (default: one or two per family).")
     ] = None,
-) -> Asked:
+) -> StudyRequest:
     """Play scenes at ever smaller steps: errors of step and of model, and the outlier."""
     from touchstone.reports.studies import agreement as module
 
     chosen = scenes_named(scenario or module.SCENES)
-    return Asked(len(module.tasks(chosen)), partial(module.run, chosen), module.show)
+    return StudyRequest(len(module.tasks(chosen)), partial(module.run, chosen), module.show)
 
 
 @studied("convergence")
@@ -196,14 +200,14 @@ def convergence(
     engine: EngineOption = None,
     jobs: JobsOption = None,
     store: StoreOption = STORE,
-) -> Asked:
+) -> StudyRequest:
     """Play scenes with a truth at seven steps: order of convergence and floor of every engine."""
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies.convergence import study as module
 
     names = [scene.name for scene in scenes_named(scenario or module.scenes())]
     cells = module.cells(names, engines_named(engine or ENGINES))
-    return Asked(len(cells), partial(module.run, cells, store, jobs=jobs), module.show, store)
+    return StudyRequest(len(cells), partial(module.run, cells, store, jobs=jobs), module.show, store)
 
 
 @studied("effects")
@@ -212,25 +216,25 @@ def effects(
         list[str] | None, typer.Argument(help="Scenes (default: the gallery and the probes).")
     ] = None,
     engine: EngineOption = None,
-) -> Asked:
+) -> StudyRequest:
     """Play scenes with their plan and with all effects, and toggle each: time saved, outcome changed."""
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies import effects as module
 
     chosen, engines = scenes_named(scenario or ()) or module.scenes(), engines_named(engine or ENGINES)
-    return Asked(len(chosen) * len(engines), partial(module.run, chosen, engines), module.show)
+    return StudyRequest(len(chosen) * len(engines), partial(module.run, chosen, engines), module.show)
 
 
 @studied("predictability", judge=True)
 def predictability(
     scenario: Annotated[list[str] | None, typer.Argument(help="Scenes (default: five of all kinds).")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the random directions.")] = 0,
-) -> Asked:
+) -> StudyRequest:
     """Perturb the start of scenes: by how much engines amplify it, beside the closed form."""
     from touchstone.reports.studies import predictability as module
 
     chosen = scenes_named(scenario or module.SCENES)
-    return Asked(module.steps(chosen), partial(module.run, chosen, seed), module.show)
+    return StudyRequest(module.steps(chosen), partial(module.run, chosen, seed), module.show)
 
 
 @studied("robustness", judge=True)
@@ -241,7 +245,7 @@ def robustness(
     perturbation: Annotated[float, typer.Option(min=0, max=1, help="Move bodies by so many metres.")] = 0.0,
     engine: Annotated[list[str] | None, typer.Option(help="Engines (default: reference).")] = None,
     profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
-) -> Asked:
+) -> StudyRequest:
     """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
     from touchstone.reports.studies.robustness import study as module
     from touchstone.scenarios.random_scenes import ALL_KINDS
@@ -249,15 +253,17 @@ def robustness(
     columns = columns_for(engine or ["reference"], profile or [], module.PROFILES)
     chosen = known("kind", kind, ALL_KINDS) if kind else None
     asked = module.tasks(columns, scenes, seed, chosen, perturbation)
-    return Asked(len(asked), partial(module.run, columns, asked), module.show)
+    return StudyRequest(len(asked), partial(module.run, columns, asked), module.show)
 
 
 @studied("paper", judge=True)
-def paper(repeats: Annotated[int, typer.Option(min=1, help="Timed plays of every scene.")] = 15) -> Asked:
+def paper(
+    repeats: Annotated[int, typer.Option(min=1, help="Timed plays of every scene.")] = 15,
+) -> StudyRequest:
     """Replay the experiments of the paper on the profile `paper`, and judge its claims one by one."""
     from touchstone.reports.studies.paper import study as module
 
-    return Asked(module.steps(repeats), partial(module.run, repeats), module.show)
+    return StudyRequest(module.steps(repeats), partial(module.run, repeats), module.show)
 
 
 @studied("work-precision", judge=True)
@@ -269,7 +275,7 @@ def work_precision(
     engine: EngineOption = None,
     jobs: JobsOption = None,
     store: StoreOption = STORE,
-) -> Asked:
+) -> StudyRequest:
     """Measure error over wall time of every engine and setting: what accuracy costs."""
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies.work_precision import study as module
@@ -278,7 +284,7 @@ def work_precision(
     names = [scene.name for scene in scenes_named(scenario or scenes(quick))]
     engines = [known("engine", name, ENGINES) for name in dict.fromkeys(engine or ENGINES)]
     cells = module.StudyCells(names, engines, quick)
-    return Asked(cells.size, partial(module.run, cells, store, jobs=jobs), module.show, store)
+    return StudyRequest(cells.size, partial(module.run, cells, store, jobs=jobs), module.show, store)
 
 
 @studied("stability", judge=True)
@@ -300,7 +306,7 @@ def stability(
         "runs/stability"
     ),
     jobs: JobsOption = None,
-) -> Asked:
+) -> StudyRequest:
     """Play hard scenes at growing difficulty and step: how far each engine goes, and how it fails."""
     from touchstone.reports.studies.stability import play
     from touchstone.reports.studies.stability import study as module
@@ -312,7 +318,7 @@ def stability(
         columns = (columns[0], ("reference", "accurate"), *columns[1:])
     scope = play.Scope(columns, play.chosen(names), quick)
     run = partial(module.run, scope, store, jobs=jobs, sheet=sheet, seed=seed)
-    return Asked(len(scope.cells()) + sheet, run, module.show, store)
+    return StudyRequest(len(scope.cells()) + sheet, run, module.show, store)
 
 
 @studied("relations")
@@ -325,7 +331,7 @@ def relations(
         list[str] | None, typer.Option(help="Profiles (default: balanced, recommended).")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Six scenes.")] = False,
-) -> Asked:
+) -> StudyRequest:
     """Turn, mirror, move, scale and split scenes: does the motion change accordingly, and not otherwise?"""
     from touchstone.reports.studies import relations as module
     from touchstone.scenarios.catalogue import all_names, catalogue, find
@@ -334,7 +340,7 @@ def relations(
     scenes = [find(name if name in valid else known("scenario", name, catalogue())) for name in names]
     scenes = scenes or module.default_scenes()
     columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
-    return Asked(len(module.tasks(columns, scenes)), partial(module.run, columns, scenes), module.show)
+    return StudyRequest(len(module.tasks(columns, scenes)), partial(module.run, columns, scenes), module.show)
 
 
 def bench(

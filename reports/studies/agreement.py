@@ -67,14 +67,14 @@ SCENES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class Trajectory:
     """Trajectories of bodies with a truth: centres of mass over the longest path (f, n, 3), orientations wxyz
     (f, n, 4)."""
 
     position: Array
     orientation: Array
 
-    def limit(self, coarser: Course, order: float) -> Course:
+    def limit(self, coarser: Trajectory, order: float) -> Trajectory:
         """Richardson extrapolation from the trajectory at twice the step and this one."""
         share = 1 / (2**order - 1)
         shape = self.orientation.shape
@@ -83,12 +83,12 @@ class Course:
             for course in (self, coarser)
         )
         turned = Rotation.from_rotvec(share * (mine * theirs.inv()).as_rotvec()) * mine
-        return Course(
+        return Trajectory(
             self.position + share * (self.position - coarser.position),
             turned.as_quat(scalar_first=True).reshape(shape),
         )
 
-    def apart(self, other: Course, quantity: str) -> float:
+    def apart(self, other: Trajectory, quantity: str) -> float:
         """Largest distance over frames and bodies."""
         if quantity == "position":
             return float(np.linalg.norm(self.position - other.position, axis=-1).max())
@@ -98,14 +98,14 @@ class Course:
         return float((mine * theirs.inv()).magnitude().max())
 
 
-def trajectory(engine: Engine, task: Task) -> tuple[Course, Course]:
+def trajectory(engine: Engine, task: Task) -> tuple[Trajectory, Trajectory]:
     """Trajectories of the bodies with a truth as an engine plays them, and as they are in closed form."""
     context = Context(task.record(engine), task.scenario)
     way, motions = _way(context), context.truths.values()
     turned = context.recording.orientation[:, list(context.truths)]
     return (
-        Course(context.mass_centers[:, list(context.truths)] / way, turned),
-        Course(
+        Trajectory(context.mass_centers[:, list(context.truths)] / way, turned),
+        Trajectory(
             np.stack([m.position for m in motions], axis=1) / way,
             np.stack([m.orientation for m in motions], axis=1),
         ),
@@ -158,13 +158,13 @@ def require_truths(scenarios: Iterable[Scenario], kind: str = "closed form") -> 
 
 
 def rows_of_scene(
-    scenario: Scenario, found: Iterable[tuple[Task, tuple[Course, Course] | Ended]]
+    scenario: Scenario, found: Iterable[tuple[Task, tuple[Trajectory, Trajectory] | Ended]]
 ) -> list[Row]:
     """All rows of one scene: per engine its errors and order, and the outlier of them all."""
     columns = [(engine, own_profile(engine)) for engine in ENGINES]
     rows = missing_rows(STUDY, columns, scenario.name)
-    paths: dict[str, dict[float, Course]] = {engine: {} for engine in ENGINES if installed(engine)}
-    truth: Course | None = None
+    paths: dict[str, dict[float, Trajectory]] = {engine: {} for engine in ENGINES if installed(engine)}
+    truth: Trajectory | None = None
     for task, one in found:
         if task.engine not in paths:
             continue
@@ -197,16 +197,18 @@ def _way(context: Context) -> float:
     return float(max(ways)) or 1.0
 
 
-def _changes(truth: Course, quantity: str) -> bool:
+def _changes(truth: Trajectory, quantity: str) -> bool:
     """Whether any truth changes its position, or its orientation."""
-    start = Course(
+    start = Trajectory(
         np.broadcast_to(truth.position[:1], truth.position.shape),
         np.broadcast_to(truth.orientation[:1], truth.orientation.shape),
     )
     return truth.apart(start, quantity) > ROUNDING
 
 
-def _rows_of_engine(base: Row, paths: Mapping[float, Course], truth: Course, quantity: str) -> list[Row]:
+def _rows_of_engine(
+    base: Row, paths: Mapping[float, Trajectory], truth: Trajectory, quantity: str
+) -> list[Row]:
     """Rows of an engine: error at each step, and its two parts."""
     base = replace(base, subject=quantity, unit=UNITS[quantity])
     errors = {dt: path.apart(truth, quantity) for dt, path in paths.items()}
@@ -247,7 +249,7 @@ def slope_of(dt: Array, errors: Array) -> tuple[float, float, float]:
     return float(fit.slope), float(fit.slope) - half, float(fit.slope) + half
 
 
-def _outlier(base: Row, played_at: Mapping[str, Mapping[float, Course]], quantity: str) -> list[Row]:
+def _outlier(base: Row, played_at: Mapping[str, Mapping[float, Trajectory]], quantity: str) -> list[Row]:
     """The engine farthest from the nearest of the others at its own step; of three or more."""
     own = {engine: paths[own_step(engine)] for engine, paths in played_at.items()}
     if len(own) < 3:

@@ -52,7 +52,7 @@ ARM = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
+class Deviations:
     """Deviation of every relation over the scene's size [1], NaN with a reason where it does not apply.
 
     `amplification` is the largest distance of motions after perturbations, over these [1]; `size` is
@@ -65,7 +65,7 @@ class Compared:
     size: float = nan
 
 
-def compare(engine: Engine, task: Task) -> Compared:
+def compare(engine: Engine, task: Task) -> Deviations:
     """Play the scene and all its changes in this process."""
     plain = bare(task.scenario)
     first = record(engine, plain, task.settings)
@@ -78,7 +78,7 @@ def compare(engine: Engine, task: Task) -> Compared:
             found[name] = _deviation(engine, task, plain, first, name) / size
         except (AdapterError, _NotApplied) as error:
             found[name], reasons[name] = nan, str(error)
-    return Compared(found, reasons, _amplification(engine, task, plain, points), size)
+    return Deviations(found, reasons, _amplification(engine, task, plain, points), size)
 
 
 class _NotApplied(Exception):
@@ -216,7 +216,7 @@ def run(columns: Sequence[Column], scenes: Sequence[Scenario], out: Path, progre
         )
 
 
-def rows_of_task(task: Task, found: Compared | Ended) -> list[Row]:
+def rows_of_task(task: Task, found: Deviations | Ended) -> list[Row]:
     """Rows of a scene on an engine: one per relation, and the amplification."""
     key = (STUDY, task.scenario.name, task.engine, task.settings.label, task.settings.dt)
     if isinstance(found, Ended):

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
@@ -19,7 +19,7 @@ from touchstone.adapters.contract import MISSING, UNIMPORTABLE, AdapterError, En
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
-from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
+from touchstone.adapters.workers.pool import EngineProcess, EngineTask, Loader, Pool, Slot
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
 from touchstone.reports.views.tables import exact_number
@@ -36,18 +36,6 @@ Picture = Callable[[pd.DataFrame, Path], object]
 
 class RefusedError(ValueError):
     """What is asked for cannot be measured; the message says why, in one line."""
-
-
-class EngineTask(Protocol):
-    """What a child process plays."""
-
-    @property
-    def engine(self) -> str:
-        """Name of the engine."""
-
-    @property
-    def settings(self) -> Settings:
-        """How to run it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,18 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from touchstone.adapters.contract import AdapterError, Settings
-from touchstone.adapters.knobs import Choice, Numbers, Range, split
-from touchstone.adapters.knobs import Setting as Knob
+from touchstone.adapters.knobs import Choice, Numbers, Range, Setting, split
 from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, settings_of
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.work_precision.cheapest import TIME, Setting, cheapest
-from touchstone.reports.studies.work_precision.definitions import (
-    QUANTITIES,
-    truth_cells,
-)
-from touchstone.reports.studies.work_precision.errors import Truth, closed_path, errors_of
+from touchstone.reports.studies.work_precision.cheapest import TIME, MeasuredSetting, cheapest, rated
+from touchstone.reports.studies.work_precision.definitions import QUANTITIES, truth_cells
+from touchstone.reports.studies.work_precision.errors import TrueMotion, closed_path, errors_of
 from touchstone.reports.studies.work_precision.points import SweptRuns, band, reproduce, timing_cell
 from touchstone.reports.sweep.cells import CATALOGUE, PERTURBED, Cell
 from touchstone.reports.sweep.scenes import FILE, PERTURBED_FILE
@@ -132,7 +128,7 @@ class Space:
         return found
 
 
-def values_of(setting: Knob) -> list[str]:
+def values_of(setting: Setting) -> list[str]:
     """Values of a setting as "key=value": all of a choice; of a number, around those of the profiles."""
     plain = list(dict.fromkeys(value for value in setting.profiles if value))
     if isinstance(setting, Choice):
@@ -147,7 +143,7 @@ def values_of(setting: Knob) -> list[str]:
     return list(dict.fromkeys((*found, *(f"{setting.name}={value}" for value in plain))))
 
 
-def values_about(setting: Knob, value: str) -> list[str]:
+def values_about(setting: Setting, value: str) -> list[str]:
     """Values near one of a number, or of several numbers; other choices."""
     if isinstance(setting, Choice):
         return [f"{setting.name}={one}" for one in setting.values if one != value]
@@ -219,10 +215,10 @@ class Found:
     """
 
     met: bool
-    best: Setting
+    best: MeasuredSetting
     candidate: Candidate
-    ablation: dict[str, Setting] = field(default_factory=dict)
-    profiles: list[Setting] = field(default_factory=list)
+    ablation: dict[str, MeasuredSetting] = field(default_factory=dict)
+    profiles: list[MeasuredSetting] = field(default_factory=list)
     tried: int = 0
 
 
@@ -274,9 +270,9 @@ class Search:
         changed = self.ablations(candidate)
         self._play(list(changed.values()), scenes)
         without = self._timed(list(dict.fromkeys(changed.values())))
-        profiles = sorted((_rated(timed[one], asked.limits) for one in first), key=lambda s: s.excess)
+        profiles = sorted((rated(timed[one], asked.limits) for one in first), key=lambda s: s.excess)
         ablation = {
-            text: _rated(without[one], asked.limits) for text, one in changed.items() if one in without
+            text: rated(without[one], asked.limits) for text, one in changed.items() if one in without
         }
         return Found(answer.met, answer.best, candidate, ablation, profiles, tried)
 
@@ -310,12 +306,12 @@ class Search:
         """The candidates, best first."""
         distinct = list(dict.fromkeys(candidates))
         self._play(distinct, names)
-        rated = [(one, self._rating(one, names)) for one in distinct]
-        return [one for one, _ in sorted(rated, key=lambda pair: pair[1])]
+        scored = [(one, self._rating(one, names)) for one in distinct]
+        return [one for one, _ in sorted(scored, key=lambda pair: pair[1])]
 
     def _rating(self, candidate: Candidate, names: Sequence[str]) -> tuple[float, float]:
         """Excess over the limits, 1 where all are met, and time: lower is better."""
-        setting = _rated(self._setting(candidate, names), self._asked.limits)
+        setting = rated(self._setting(candidate, names), self._asked.limits)
         return max(1.0, setting.excess), setting.time
 
     def _cell(self, candidate: Candidate, name: str) -> Cell:
@@ -353,7 +349,7 @@ class Search:
         )
 
     @cached_property
-    def _truths(self) -> dict[str, Truth | None]:
+    def _truths(self) -> dict[str, TrueMotion | None]:
         cells = self.truths
         swept = self._swept(cells)
         return {
@@ -372,7 +368,9 @@ class Search:
         if gone := [name for name in self._asked.limits if name != TIME and name not in has]:
             raise RefusedError(f"no {' and no '.join(gone)} is measured here; there is {', '.join(has)}")
 
-    def _setting(self, candidate: Candidate, names: Sequence[str], times: Sequence[float] = ()) -> Setting:
+    def _setting(
+        self, candidate: Candidate, names: Sequence[str], times: Sequence[float] = ()
+    ) -> MeasuredSetting:
         """A candidate with its worst errors and its longest frame over scenes."""
         known = [self._errors[candidate, name] for name in names]
         errors = {
@@ -383,9 +381,9 @@ class Search:
         time, low, high = band(times) if times else (max(time for _, time in known),) * 3
         where = self._cell(candidate, next(iter(self._asked.scenes)))
         label = self._asked.engine, candidate.profile, " ".join(candidate.changes), candidate.dt
-        return Setting(*label, time, low, high, errors, 0.0, "", reproduce(where, False))
+        return MeasuredSetting(*label, time, low, high, errors, 0.0, "", reproduce(where, False))
 
-    def _timed(self, candidates: Sequence[Candidate]) -> dict[Candidate, Setting]:
+    def _timed(self, candidates: Sequence[Candidate]) -> dict[Candidate, MeasuredSetting]:
         """Candidates with the times of their frames, alone on one core, each round with new processes."""
         names, rounds = list(self._asked.scenes), range(self._asked.timings)
         ended = [one for one in candidates if all(self._errors[one, name][0] for name in names)]
@@ -408,12 +406,6 @@ def sources_of(name: str) -> tuple[str, str]:
     return (CATALOGUE, PERTURBED) if name in catalogue() else (FILE, PERTURBED_FILE)
 
 
-def _rated(setting: Setting, limits: Mapping[str, float]) -> Setting:
-    answer = cheapest([setting], limits)
-    assert answer is not None
-    return answer.best
-
-
-def _same(one: Setting, other: Setting) -> bool:
+def _same(one: MeasuredSetting, other: MeasuredSetting) -> bool:
     keys = ("profile", "settings", "dt")
     return all(getattr(one, key) == getattr(other, key) for key in keys)

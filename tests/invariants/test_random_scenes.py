@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from touchstone.adapters.contract import Engine, Settings
 from touchstone.reports.limits import judged
 from touchstone.reports.studies.robustness.play import EXACT, SeededTask, assess
-from touchstone.reports.studies.robustness.study import Played, line, rows_of_runs
+from touchstone.reports.studies.robustness.study import Assessed, line, rows_of_runs
 from touchstone.scenarios.random_scenes.bodies import (
     masses,
     random_orientation,
@@ -53,7 +53,7 @@ def reference() -> Engine:
 
 def played(
     profile: str, seeds: Iterable[int], most: int | None = None, kind: str | None = None
-) -> list[Played]:
+) -> list[Assessed]:
     """The assessed scenes of some seeds, of those with at most so many bodies."""
     pytest.importorskip("coal", reason="not installed (pip install coal)")
     pytest.importorskip("fcl", reason="not installed (pip install python-fcl)")
@@ -66,7 +66,7 @@ def played(
     ]
 
 
-def broken(runs: list[Played], laws: tuple[str, ...] = ()) -> list[str]:
+def broken(runs: list[Assessed], laws: tuple[str, ...] = ()) -> list[str]:
     """The limits that runs break, of some laws or all, and what to type to see the worst."""
     rows = [judged(row, ()) for row in rows_of_runs(runs)]
     failed = [
@@ -79,7 +79,7 @@ def broken(runs: list[Played], laws: tuple[str, ...] = ()) -> list[str]:
 
 
 @cache
-def few(profile: str) -> list[Played]:
+def few(profile: str) -> list[Assessed]:
     """The scenes of every run of the tests."""
     return played(profile, range(QUICK_SCENES), FEW_BODIES)
 

@@ -15,7 +15,7 @@ from touchstone.adapters.contract import Unsupported
 from touchstone.reports.output_folder import OutputError
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies import agreement, study
-from touchstone.reports.studies.agreement import LADDER, SCENES, Course, order_of, run, show
+from touchstone.reports.studies.agreement import LADDER, SCENES, Trajectory, order_of, run, show
 from touchstone.reports.studies.study import RefusedError, Task, refusable
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
@@ -131,7 +131,7 @@ def test_scenes_have_a_closed_form(tmp_path: Path) -> None:
 def test_limits_of_turns_are_extrapolated() -> None:
     """Find the limit of positions and turns whose error is proportional to the step."""
     fine, coarse = (
-        Course(np.full((1, 1, 3), 1 + h), np.array([[[np.cos(h / 2), np.sin(h / 2), 0.0, 0.0]]]))
+        Trajectory(np.full((1, 1, 3), 1 + h), np.array([[[np.cos(h / 2), np.sin(h / 2), 0.0, 0.0]]]))
         for h in (0.1, 0.2)
     )
     limit = fine.limit(coarse, 1.0)

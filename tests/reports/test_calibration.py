@@ -31,7 +31,7 @@ from touchstone.reports.studies.calibration.probes import (
 from touchstone.reports.studies.calibration.rows import subject_of
 from touchstone.reports.studies.calibration.study import (
     NOTES,
-    Grid,
+    Requested,
     Values,
     failure_lines,
     findings,
@@ -41,7 +41,7 @@ from touchstone.reports.studies.calibration.study import (
     tasks,
 )
 
-TINY = Grid(
+TINY = Requested(
     pairs=("sphere-box", "box-box"),
     restitutions=(0.0, 0.5),
     speeds=(0.1, 2.0),
@@ -178,7 +178,7 @@ def test_slides_turn_with_their_heading() -> None:
 
 def test_the_whole_grid_is_played() -> None:
     """Play every restitution, friction and rung under every profile, and other steps under the first."""
-    grid = Grid()
+    grid = Requested()
     found = tasks((("bullet", "recommended"), ("bullet", "accurate")), grid)
     jobs = [(task.settings, task.probe) for task in found]
     asked = {(s.profile, p.pair, p.kind, p.requested) for s, p in jobs if p.kind not in ("drop", "lowest")}

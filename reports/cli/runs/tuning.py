@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from touchstone.reports.studies.tuning import Asked, Found
-    from touchstone.reports.studies.work_precision.cheapest import Setting
+    from touchstone.reports.studies.work_precision.cheapest import MeasuredSetting
     from touchstone.scenarios.scenario import Scenario
 
 PLAYS, QUICK_PLAYS = 240, 60
@@ -182,7 +182,7 @@ def lines(asked: Asked, found: Found, pasted: list[str]) -> list[str]:
     return text
 
 
-def compared(one: Setting, best: Setting, limits: Mapping[str, float]) -> str:
+def compared(one: MeasuredSetting, best: MeasuredSetting, limits: Mapping[str, float]) -> str:
     """Errors and time of a setting, and over those of the best."""
     from math import isfinite
 

@@ -137,7 +137,7 @@ def _body(pair: str, k: int, gap: float, velocity: Vector, turn: float = 0.0) ->
     )
 
 
-class Motion(NamedTuple):
+class ProbeMotion(NamedTuple):
     """Motion of a probe's bodies (b) at every step (n): heights over the floor (n, b) [m], and velocities of
     the centre and of the surface point that touches the floor (n, b, 3) [m/s]; and the engine's version."""
 
@@ -156,18 +156,18 @@ class ProbeTask:
     probe: Probe
 
 
-def measure(engine: Engine, task: ProbeTask) -> Motion:
+def measure(engine: Engine, task: ProbeTask) -> ProbeMotion:
     """Play a task in this process."""
     return motion_of(engine, task.probe, task.settings)
 
 
-def motion_of(engine: Engine, probe: Probe, settings: Settings) -> Motion:
+def motion_of(engine: Engine, probe: Probe, settings: Settings) -> ProbeMotion:
     """Play a probe's scene and return its motion."""
     played = record(engine, scene(probe, settings.dt), settings)
     # All bodies but the floor; the surface point is the one under the centre.
     velocity, omega = played.linear_velocity[:, 1:], played.angular_velocity[:, 1:]
     surface = velocity + np.cross(omega, (0.0, 0.0, -HEIGHT))
-    return Motion(played.position[:, 1:, 2] - HEIGHT, velocity, surface, engine.version())
+    return ProbeMotion(played.position[:, 1:, 2] - HEIGHT, velocity, surface, engine.version())
 
 
 FREE = 1e-3

@@ -15,8 +15,8 @@ from touchstone.reports.studies.calibration.probes import (
     BOUNCES,
     DROP,
     G,
-    Motion,
     Probe,
+    ProbeMotion,
     ProbeTask,
     friction_of,
     lowest_speed,
@@ -43,11 +43,11 @@ def subject_of(kind: str, requested: float, value: float) -> str:
     return f"mu={requested:g} heading={value:g}"
 
 
-def rows_of_engine(found: Sequence[tuple[ProbeTask, Motion | Ended]]) -> list[Row]:
+def rows_of_engine(found: Sequence[tuple[ProbeTask, ProbeMotion | Ended]]) -> list[Row]:
     """The achieved values of an engine, the largest biases, gaps at rest, and failures."""
     rows: list[Row] = []
     ended = [(task, one) for task, one in found if isinstance(one, Ended)]
-    motions = [(task, one) for task, one in found if isinstance(one, Motion)]
+    motions = [(task, one) for task, one in found if isinstance(one, ProbeMotion)]
     resting = {
         _base(task): float(np.median(motion.gap[-1]))
         for task, motion in motions
@@ -85,7 +85,7 @@ def _base(task: ProbeTask) -> Row:
     return Row(STUDY, task.probe.pair, task.engine, task.settings.profile, task.settings.dt, "")
 
 
-def _restitutions(probe: Probe, motion: Motion, dt: float, level: float) -> Array:
+def _restitutions(probe: Probe, motion: ProbeMotion, dt: float, level: float) -> Array:
     """Achieved restitution per speed and phase; NaN where a hop is too short to measure."""
     bodies = zip(motion.gap.T, motion.velocity[..., 2].T)
     achieved = np.array([restitution_of(gap, rate, G, dt, level) for gap, rate in bodies])
@@ -124,14 +124,14 @@ def _lowest(base: Row, rungs: Sequence[tuple[float, float]]) -> Row:
     return replace(row, reason=f"from here on at least {BOUNCES:g} of e = 1 is returned")
 
 
-def _drop(base: Row, motion: Motion) -> Row:
+def _drop(base: Row, motion: ProbeMotion) -> Row:
     """Restitution after a fall from DROP for e = 1, and its range over the phases of a step."""
     values = [rebound_of(gap) for gap in motion.gap.T]
     row = replace(base, metric="restitution.drop", subject=f"e=1 h={DROP:g}", unit="1", reason="asked 1")
     return replace(row, value=values[0], low=min(values), high=max(values))
 
 
-def _friction(base: Row, probe: Probe, motion: Motion) -> list[Row]:
+def _friction(base: Row, probe: Probe, motion: ProbeMotion) -> list[Row]:
     rows = []
     for k, heading in enumerate(probe.headings):
         mu = friction_of(motion.velocity[:, k, :2], motion.surface[:, k, :2], G, base.dt)

@@ -26,7 +26,15 @@ from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import rows_of
 from touchstone.reports.run.request import step_text
-from touchstone.reports.studies.calibration.probes import HEIGHT, SHAPES, G, Motion, Probe, ProbeTask, measure
+from touchstone.reports.studies.calibration.probes import (
+    HEIGHT,
+    SHAPES,
+    G,
+    Probe,
+    ProbeMotion,
+    ProbeTask,
+    measure,
+)
 from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
 from touchstone.reports.studies.charts import figure, headline, open_axes
 from touchstone.reports.studies.study import (
@@ -46,7 +54,7 @@ LADDER_PART = 26
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class Requested:
     """Requested values: restitutions at approach `speeds` [m/s], frictions at `headings` [degrees], a ladder
     of speeds for the lowest one that bounces, and e = 1 from a fall under several steps [1/s]."""
 
@@ -61,7 +69,7 @@ class Grid:
     drop_phases: tuple[float, ...] = tuple(k / 8 for k in range(8))
 
 
-def tasks(columns: Sequence[Column], grid: Grid) -> list[ProbeTask]:
+def tasks(columns: Sequence[Column], grid: Requested) -> list[ProbeTask]:
     """All probes, engine by engine; steps other than an engine's own only under its first profile."""
     found: list[ProbeTask] = []
     drop = Probe("sphere-box", "drop", 1.0, phases=grid.drop_phases)
@@ -74,7 +82,7 @@ def tasks(columns: Sequence[Column], grid: Grid) -> list[ProbeTask]:
     return found
 
 
-def probes_of(grid: Grid) -> list[Probe]:
+def probes_of(grid: Requested) -> list[Probe]:
     """The scenes of one column. Spheres meet the floor at every phase of a step, the others at its middle."""
     probes = []
     for pair in grid.pairs:
@@ -89,12 +97,12 @@ def run(
     columns: Sequence[Column],
     out: Path,
     progress: Progress,
-    grid: Grid | None = None,
+    grid: Requested | None = None,
     loader: Loader = load,
 ) -> pd.DataFrame:
     """Play all columns; store rows, picture, report and manifest. The folder appears complete or not at
     all."""
-    grid = grid or Grid()
+    grid = grid or Requested()
     with output_folder(out) as folder:
         asked = tasks([column for column in columns if installed(column[0])], grid)
         found = list(zip(asked, played(measure, asked, folder / "output", progress, loader=loader)))
@@ -103,7 +111,7 @@ def run(
         for engine in dict.fromkeys(engine for engine, _ in columns):
             mine = [(task, one) for task, one in found if task.engine == engine]
             rows += rows_of_engine(mine)
-            version = next((one.version for _, one in mine if isinstance(one, Motion)), "")
+            version = next((one.version for _, one in mine if isinstance(one, ProbeMotion)), "")
             profiles = [profile for name, profile in columns if name == engine]
             engines[engine] = {"version": version, "profiles": profiles}
         facts = {"study": STUDY, "grid": asdict(grid), "engines": engines}

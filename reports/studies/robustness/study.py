@@ -70,7 +70,7 @@ OPEN = f"{STUDY}.solves.open"
 """Metric: share of contact solves with a residual over RESIDUAL_OPEN [1]."""
 METRICS = (*COUNTS, *(f"{STUDY}.{name}.{part}" for name, parts in SPREADS.items() for part, _ in parts), OPEN)
 """Metrics of the study's rows; each name begins with the study's."""
-Played = tuple[SeededTask, Assessment]
+Assessed = tuple[SeededTask, Assessment]
 
 
 def tasks(
@@ -106,7 +106,7 @@ def run(
         return kept(rows, folder, facts, {"robustness.png": lambda _, part: rise_over_residual(lines, part)})
 
 
-def rows_of_runs(runs: Sequence[Played]) -> list[Row]:
+def rows_of_runs(runs: Sequence[Assessed]) -> list[Row]:
     """Counts and spreads per column, over all kinds and per kind, and the worst runs with their commands."""
     rows: list[Row] = []
     columns = dict.fromkeys((task.engine, task.settings) for task, _ in runs)
@@ -145,7 +145,7 @@ def _figures(base: Row, found: list[Assessment]) -> list[Row]:
     return rows
 
 
-def _worst(base: Row, runs: Sequence[Played]) -> list[Row]:
+def _worst(base: Row, runs: Sequence[Assessed]) -> list[Row]:
     """The worst runs of every class but `ok`, with the command that repeats each."""
     rows = []
     for outcome in OUTCOMES[:-1]:
@@ -170,7 +170,7 @@ def line(task: SeededTask) -> str:
     )
 
 
-def table_of_runs(runs: Sequence[Played]) -> pd.DataFrame:
+def table_of_runs(runs: Sequence[Assessed]) -> pd.DataFrame:
     """Table with one line per run."""
     lines = []
     for task, found in runs:

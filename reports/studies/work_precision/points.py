@@ -19,7 +19,14 @@ from touchstone.reports.studies.work_precision.definitions import (
     changes,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.errors import Run, Truth, distance, errors_of, run_of, truth_of
+from touchstone.reports.studies.work_precision.errors import (
+    CellRun,
+    TrueMotion,
+    distance,
+    errors_of,
+    run_of,
+    truth_of,
+)
 from touchstone.reports.sweep.cells import TIMING, Cell, grid, scene_of
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.measures import FRAMES
@@ -98,11 +105,11 @@ class SweptRuns:
         found: pd.DataFrame = self._rows.get(hash_of(cell), _EMPTY)
         return found
 
-    def run(self, cell: Cell) -> Run | None:
+    def run(self, cell: Cell) -> CellRun | None:
         """The run of a cell; None if it did not end."""
         return run_of(self.rows(cell), scene_of(cell.source, cell.scenario, 0))
 
-    def truth(self, scenario: Scenario, cells: Sequence[Cell]) -> Truth | None:
+    def truth(self, scenario: Scenario, cells: Sequence[Cell]) -> TrueMotion | None:
         """The true motion of a scene from its `truth_cells`, or without them."""
         fine, finer, plain, *moved = map(self.run, cells) if cells else (None, None, None)
         return truth_of(scenario, fine, finer, plain, [run for run in moved if run])
@@ -113,7 +120,7 @@ class SweptRuns:
         found = [series for metric, series in zip(timed.metric, timed.series) if metric == FRAMES]
         return np.asarray(found[0] if found else [], dtype=float)
 
-    def times(self, cell: Cell, run: Run, rounds: int) -> list[float]:
+    def times(self, cell: Cell, run: CellRun, rounds: int) -> list[float]:
         """Seconds per simulated second of each round: the frames timed, extrapolated to the whole scene by
         the seconds of all frames in the accuracy run."""
         duration = scene_of(cell.source, cell.scenario, 0).duration
@@ -170,7 +177,7 @@ def _family(cell: Cell) -> tuple[str, str, tuple[str, ...]]:
     return cell.engine, cell.profile, cell.changes
 
 
-def _parts(run: Run, limit: Run | None, truth: Truth) -> Iterator[dict[str, object]]:
+def _parts(run: CellRun, limit: CellRun | None, truth: TrueMotion) -> Iterator[dict[str, object]]:
     """Per quantity: the error, what the step adds to it, and what is left at the engine's finest step."""
     errors = errors_of(run, truth)
     finest = errors_of(limit, truth) if limit else errors

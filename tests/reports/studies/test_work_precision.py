@@ -12,7 +12,7 @@ from rich.console import Console
 from touchstone.reports.cli.cheapest import lines
 from touchstone.reports.studies.work_precision.cheapest import (
     TIME,
-    Setting,
+    MeasuredSetting,
     ToleranceError,
     cheapest,
     settings_of_scene,
@@ -278,7 +278,9 @@ def test_times_that_overlap_have_no_winner():
     def answered(*times, limits):
         label = ("reference", "balanced", "")
         known = [
-            Setting(*label, 1 / (60 * k), *(1e-6 * t for t in one), {"position": 0.0}, 0.0, "", f"play {k}")
+            MeasuredSetting(
+                *label, 1 / (60 * k), *(1e-6 * t for t in one), {"position": 0.0}, 0.0, "", f"play {k}"
+            )
             for k, one in enumerate(times, start=1)
         ]
         found = cheapest(known, limits)
