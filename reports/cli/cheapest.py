@@ -114,8 +114,7 @@ def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
 
 
 def rows(answer: Answer, limits: dict[str, float]) -> list[dict[str, object]]:
-    """The settings of the answer, the cheapest first, each with its place, times [s], errors and limits [SI],
-    and the command that plays it. An infinite error, such as that of a passage, is None: JSON has none."""
+    """The settings of the answer, the cheapest first, each with its place."""
     places: tuple[tuple[str, tuple[MeasuredSetting | None, ...]], ...] = (
         ("cheapest" if answer.met else "nearest miss", (answer.best,)),
         ("cannot tell apart", answer.tied),
@@ -128,14 +127,21 @@ def rows(answer: Answer, limits: dict[str, float]) -> list[dict[str, object]]:
             if one is None:
                 continue
             key = (one.engine, one.profile, one.settings, one.dt)
-            times = {"time": one.time, "time_low": one.time_low, "time_high": one.time_high}
-            named = dict(zip(("engine", "profile", "settings", "dt"), key))
-            measured = {name: one.errors[name] for name in limits if name in one.errors}
-            errors = {f"error {name}": value if isfinite(value) else None for name, value in measured.items()}
-            asked = {f"limit {name}": limit for name, limit in limits.items()}
-            row = {"place": place, **named, **times, **errors, **asked, "command": one.command}
-            found.setdefault(key, row)
+            found.setdefault(key, setting_row(place, one, limits))
     return list(found.values())
+
+
+def setting_row(
+    place: str, one: MeasuredSetting, limits: Mapping[str, float], **more: object
+) -> dict[str, object]:
+    """A setting with its place, `more`, times [s], errors and limits [SI], and the command that plays it. An
+    infinite error, such as that of a passage, is None: JSON has none."""
+    row: dict[str, object] = {"place": place, "engine": one.engine, "profile": one.profile}
+    row |= {"settings": one.settings, "dt": one.dt, **more}
+    row |= {"time": one.time, "time_low": one.time_low, "time_high": one.time_high}
+    errors = {name: one.errors[name] for name in limits if name in one.errors}
+    row |= {f"error {name}": value if isfinite(value) else None for name, value in errors.items()}
+    return row | {f"limit {name}": limit for name, limit in limits.items()} | {"command": one.command}
 
 
 def lines(answer: Answer, limits: dict[str, float]) -> list[str]:

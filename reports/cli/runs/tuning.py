@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.cheapest import limits_of, margins, words_of
+from touchstone.reports.cli.cheapest import limits_of, margins, setting_row, words_of
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     ENGINE_MISSING,
@@ -202,23 +202,13 @@ def compared(one: MeasuredSetting, best: MeasuredSetting, limits: Mapping[str, f
 
 
 def rows(asked: Asked, found: Found, pasted: list[str]) -> list[dict[str, object]]:
-    """The best setting, its ablation and the profiles, a row each, with errors, limits and times [SI]; an
-    infinite error is None: JSON has none."""
+    """The best setting, its ablation and the profiles, a row each (`setting_row`)."""
     from math import isfinite
 
     places = [("best" if found.met else "nearest", found.best), *found.ablation.items()]
     places += [("profile", one) for one in found.profiles]
-    table: list[dict[str, object]] = []
-    for place, one in places:
-        row: dict[str, object] = {"place": place, "engine": one.engine, "profile": one.profile}
-        row |= {
-            "settings": one.settings,
-            "dt": one.dt,
-            "excess": one.excess if isfinite(one.excess) else None,
-        }
-        row |= {"time": one.time, "time_low": one.time_low, "time_high": one.time_high}
-        row |= {f"error {name}": v if isfinite(v) else None for name, v in one.errors.items()}
-        row |= {f"limit {name}": limit for name, limit in asked.limits.items()}
-        row |= {"command": one.command, "paste": "\n".join(pasted) if one is found.best else ""}
-        table.append(row)
-    return table
+    return [
+        setting_row(place, one, asked.limits, excess=one.excess if isfinite(one.excess) else None)
+        | {"paste": "\n".join(pasted) if one is found.best else ""}
+        for place, one in places
+    ]
