@@ -21,7 +21,7 @@ from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
 from touchstone.reports.results import write_beside
 from touchstone.reports.soak.shrink import MOST_TRIES, shrunk
 from touchstone.reports.studies.robustness.play import PATIENCE, Assessment, assess_task, assessment_of
-from touchstone.reports.studies.study import Task, asked_of
+from touchstone.reports.studies.tasks import Task, asked_of
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import Scenario

@@ -29,18 +29,8 @@ from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.request import step_text
-from touchstone.reports.studies.study import (
-    Ended,
-    RefusedError,
-    Task,
-    kept,
-    missing_rows,
-    own_profile,
-    own_settings,
-    own_step,
-    played,
-    print_failures,
-)
+from touchstone.reports.studies.study import RefusedError, kept, missing_rows, print_failures
+from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, own_step, played
 from touchstone.reports.views.tables import number
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import catalogue

@@ -33,16 +33,8 @@ from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.charts import figure
-from touchstone.reports.studies.study import (
-    Ended,
-    Task,
-    kept,
-    missing_rows,
-    own_profile,
-    own_settings,
-    played,
-    with_interval,
-)
+from touchstone.reports.studies.study import kept, missing_rows, with_interval
+from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, played
 from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import table_of

@@ -30,18 +30,9 @@ from touchstone.reports.limits import judged
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.charts import figure, headline, logarithmic, open_axes, panels, rows_for
-from touchstone.reports.studies.study import (
-    Ended,
-    Task,
-    kept,
-    missing_rows,
-    own_profile,
-    own_settings,
-    own_step,
-    played,
-    print_failures,
-    with_interval,
-)
+from touchstone.reports.studies.study import kept, missing_rows, print_failures, with_interval
+from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, own_step, played
+from touchstone.reports.sweep.measures import moving
 from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 from touchstone.reports.views.tables import number
 from touchstone.reports.views.terminal import print_notes, table_of
@@ -65,13 +56,13 @@ SCENES = ("fall", "bounce_e05", "collide_oblique", "cradle", "ball_snip")
 
 def end(engine: Engine, task: Task) -> Array:
     """Final positions (n, 3) of the bodies that count [m]."""
-    return np.asarray(task.record(engine).position[-1, _outcome_bodies(task.scenario)])
+    return np.asarray(task.record(engine).position[-1, moving(task.scenario)])
 
 
 def end_and_touching(engine: Engine, task: Task) -> tuple[Array, Array]:
     """Final positions, and `touching` at the start."""
     recording = task.record(engine)
-    return recording.position[-1, _outcome_bodies(task.scenario)], touching(recording, task.scenario)
+    return recording.position[-1, moving(task.scenario)], touching(recording, task.scenario)
 
 
 def steps(scenarios: Sequence[Scenario]) -> int:
@@ -188,12 +179,6 @@ def touching(recording: Recording, scenario: Scenario) -> Array:
 
 def _simulated(scenario: Scenario) -> list[int]:
     return [k for k, body in enumerate(scenario.bodies) if body.kind == "simulated"]
-
-
-def _outcome_bodies(scenario: Scenario) -> list[int]:
-    """Bodies whose final positions count: simulated bodies, or else all driven ones."""
-    driven = [k for k, body in enumerate(scenario.bodies) if body.kind == "driven"]
-    return _simulated(scenario) or driven
 
 
 def _amplifications(ends: list[Array]) -> Array:

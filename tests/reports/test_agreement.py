@@ -16,7 +16,8 @@ from touchstone.reports.output_folder import OutputError
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies import agreement, study
 from touchstone.reports.studies.agreement import LADDER, SCENES, Trajectory, order_of, run, show
-from touchstone.reports.studies.study import RefusedError, Task, refusable
+from touchstone.reports.studies.study import RefusedError
+from touchstone.reports.studies.tasks import Task, refusable
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 

@@ -19,7 +19,7 @@ from touchstone.reports.studies.predictability import (
     show,
     touching,
 )
-from touchstone.reports.studies.study import Task, refusable
+from touchstone.reports.studies.tasks import Task, refusable
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form_ends import final_positions
 

@@ -23,7 +23,7 @@ from touchstone.reports.studies.calibration.probes import (
     rebound_of,
     restitution_of,
 )
-from touchstone.reports.studies.study import Ended, own_step
+from touchstone.reports.studies.tasks import Ended, own_step
 
 STUDY = "calibration"
 ALL = "all"

@@ -37,15 +37,8 @@ from touchstone.reports.studies.calibration.probes import (
 )
 from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
 from touchstone.reports.studies.charts import figure, headline, open_axes
-from touchstone.reports.studies.study import (
-    Column,
-    failure_lines,
-    kept,
-    missing_rows,
-    own_step,
-    played,
-    print_failures,
-)
+from touchstone.reports.studies.study import Column, failure_lines, kept, missing_rows, print_failures
+from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.views.pictures import INK, PALE, color_of
 from touchstone.reports.views.terminal import print_notes, table_of
 

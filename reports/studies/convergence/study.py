@@ -29,7 +29,8 @@ from touchstone.reports.run.request import REFERENCE, step_text
 from touchstone.reports.studies.agreement import require_truths, slope_of
 from touchstone.reports.studies.charts import figure, logarithmic, open_axes, panels, rows_for
 from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE
-from touchstone.reports.studies.study import kept, own_profile, own_step
+from touchstone.reports.studies.study import kept
+from touchstone.reports.studies.tasks import own_profile, own_step
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.sweep import quietly, sweep
 from touchstone.reports.sweep.worker import DIVERGED

@@ -31,7 +31,7 @@ from touchstone.reports.metrics.motion.energy import (
     mechanical_energy,
 )
 from touchstone.reports.metrics.motion.momentum import momentum_angular, momentum_linear
-from touchstone.reports.studies.study import Ended, Task
+from touchstone.reports.studies.tasks import Ended, Task
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.random_scenes.bodies import support

@@ -36,7 +36,8 @@ from touchstone.reports.studies.robustness.play import (
     assess_task,
     assessment_of,
 )
-from touchstone.reports.studies.study import Column, kept, missing_rows, own_step, played
+from touchstone.reports.studies.study import Column, kept, missing_rows
+from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.views.pictures import INK, PALE
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of
@@ -176,10 +177,10 @@ def table_of_runs(runs: Sequence[Assessed]) -> pd.DataFrame:
     for task, found in runs:
         facts = asdict(found)
         residuals, counters = facts.pop("residuals"), facts.pop("counters")
-        line = {"seed": task.seed, "kind": kind_of(task.seed, task.kind)}
-        line |= {"engine": task.engine, "profile": task.settings.label, **facts, "residual": found.residual}
-        line["unsolved_frames"] = sum(value > RESIDUAL_OPEN for value in residuals)
-        lines.append(line | dict(zip(COUNTERS, counters)))
+        entry = {"seed": task.seed, "kind": kind_of(task.seed, task.kind)}
+        entry |= {"engine": task.engine, "profile": task.settings.label, **facts, "residual": found.residual}
+        entry["unsolved_frames"] = sum(value > RESIDUAL_OPEN for value in residuals)
+        lines.append(entry | dict(zip(COUNTERS, counters)))
     return pd.DataFrame(lines)
 
 

@@ -24,7 +24,8 @@ from touchstone.reports.outcome.classes import Outcome
 from touchstone.reports.outcome.judge import judge
 from touchstone.reports.results import Row
 from touchstone.reports.run.request import step_text
-from touchstone.reports.studies.study import Column, own_step
+from touchstone.reports.studies.study import Column
+from touchstone.reports.studies.tasks import own_step
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.measures import Measured, base_row

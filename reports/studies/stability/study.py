@@ -32,11 +32,12 @@ from touchstone.reports.studies.stability.play import (
     steps_of,
 )
 from touchstone.reports.studies.stability.sheet import write_sheets
-from touchstone.reports.studies.study import Column, kept, missing_rows, own_step, print_failures
+from touchstone.reports.studies.study import Column, kept, missing_rows, print_failures
+from touchstone.reports.studies.tasks import own_step
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.views.pictures import INK, PALE
 from touchstone.reports.views.terminal import print_notes, table_of
-from touchstone.scenarios.difficulty.family import Family, families, hard_names, level_text
+from touchstone.scenarios.difficulty.family import Family, hard_names, level_text
 
 STUDY = "stability"
 LEVELS, STEP, CONTAINED = (f"{STUDY}.{name}" for name in ("survived", "largest_step", "contained"))
@@ -351,17 +352,3 @@ def _counts(frame: pd.DataFrame, columns: list[tuple[str, str]], out: Console) -
         counts = [str(int((mine == name).sum()) or "") for name in names]
         table.add_row(f"{engine} {profile}", *counts, str(silent))
     out.print(table)
-
-
-def family_rows() -> list[dict[str, object]]:
-    """Families of hard scenes: quantity, levels, and what they are."""
-    return [
-        {
-            "family": one.name,
-            "quantity": one.quantity,
-            "unit": one.unit,
-            "levels": " ".join(map(level_text, one.levels)),
-            "summary": one.summary,
-        }
-        for one in families().values()
-    ]

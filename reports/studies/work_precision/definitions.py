@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from touchstone.adapters.knobs import Choice
-from touchstone.adapters.registry import ENGINES, settings_of
+from touchstone.adapters.registry import settings_of
+from touchstone.reports.studies.tasks import own_profile
 from touchstone.reports.sweep.cells import CATALOGUE, PERTURBED, Cell, grid
 from touchstone.scenarios.catalogue import tagged
 
@@ -98,7 +99,7 @@ def scenes(quick: bool = False) -> tuple[str, ...]:
 
 def profiles_of(engine: str) -> tuple[str, ...]:
     """Profiles of an engine that are played at all steps."""
-    return PROFILES.get(engine, (next(iter(ENGINES[engine].profiles)),))
+    return PROFILES.get(engine, (own_profile(engine),))
 
 
 def measured_cells(names: Sequence[str], engines: Sequence[str], quick: bool = False) -> list[Cell]:
