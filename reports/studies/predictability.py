@@ -194,8 +194,9 @@ def _rows(base: Row, found: Array, truth: Array | None = None) -> list[Row]:
     rows = []
     for k, size in enumerate(SIZES):
         row = replace(base, metric=METRIC, unit="1", subject=f"{size:g} m")
-        row = with_interval(row, (float(np.median(found[k])), float(found[k].min()), float(found[k].max())))
-        rows.append(row)
+        rows.append(
+            with_interval(row, (float(np.median(found[k])), float(found[k].min()), float(found[k].max())))
+        )
         if truth is not None:
             error = float(np.abs(found[k] / truth[k] - 1).max())
             rows.append(replace(row, metric=ERROR, value=error))

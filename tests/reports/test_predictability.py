@@ -64,6 +64,7 @@ def test_factors_are_found(played):
     errors = frame[frame.metric == predictability.ERROR].groupby("engine").value.max()
     assert errors["bullet"] == pytest.approx(39, rel=1e-4)
     assert errors["dart"] == pytest.approx(0.5, rel=1e-4)
+    assert frame[frame.metric == predictability.ERROR].low.isna().all()
     verdicts = frame[frame.metric == predictability.ERROR].groupby("engine").verdict.first()
     assert verdicts.to_dict() == {"reference": "pass", "dart": "", "bullet": "", "mujoco": ""}
 
