@@ -160,15 +160,15 @@ def work_precision(
         touchstone.reports.sweep.store.StoreError: the store is damaged, or it cannot be written.
     """
     from touchstone.reports.studies.work_precision import definitions
-    from touchstone.reports.studies.work_precision.fronts import fronts
-    from touchstone.reports.studies.work_precision.study import Plan, measure
+    from touchstone.reports.studies.work_precision.points import fronts
+    from touchstone.reports.studies.work_precision.study import StudyCells, measure
 
     wanted = definitions.scenes(quick) if scenes is None else _several(scenes)
     names = [checked("scene", name, catalogue()) for name in wanted]
-    plan = Plan(names, [_registered(name) for name in _several(engines)], quick)
+    cells = StudyCells(names, [_registered(name) for name in _several(engines)], quick)
     _announce([REFERENCE])  # it also gives the converged solutions
     with scratch_folder() as folder:
-        table, ladder = measure(plan, Path(store) if store else folder / "sweep", jobs)
+        table, ladder = measure(cells, Path(store) if store else folder / "sweep", jobs)
     table.attrs |= {"fronts": fronts(table), "ladder": ladder}
     return table
 

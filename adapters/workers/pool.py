@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from touchstone.adapters.contract import Engine
+from touchstone.adapters.contract import Engine, Settings
 from touchstone.adapters.registry import load
 from touchstone.adapters.workers.process import PATIENCE, ChildProcess
 
@@ -116,6 +116,10 @@ class EngineTask(Protocol):
     @property
     def engine(self) -> str:
         """Name of the engine."""
+
+    @property
+    def settings(self) -> Settings:
+        """How to run it."""
 
 
 class EngineProcess(ChildProcess):

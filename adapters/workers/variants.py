@@ -1,4 +1,4 @@
-"""Child processes that play a scene under several plans, one per engine, and compare timing and motion.
+"""Plays a scene under several plans in one process, and compares timing and motion.
 
 Frames of all variants are interleaved; the variant that goes first changes every frame. No state is read
 within the timed section. Each frame compares the motion of a variant with that of the first one. Frames of
@@ -10,9 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from pathlib import Path
 from time import perf_counter, process_time
-from typing import Any
 
 import numpy as np
 
@@ -20,9 +18,6 @@ from touchstone.adapters.contract import AdapterError, Array, Engine, Settings, 
 from touchstone.adapters.divergence import Watch
 from touchstone.adapters.motion_bounds import bounds, planned
 from touchstone.adapters.recorder import frame_seconds, ready, warm_up
-from touchstone.adapters.registry import load
-from touchstone.adapters.workers.process import PATIENCE, ChildProcess
-from touchstone.adapters.workers.stepping import Loader
 from touchstone.scenarios.plan import plan
 from touchstone.scenarios.scenario import Scenario
 
@@ -67,32 +62,6 @@ class Variant:
     turned: float
     same: bool
     ended: str
-
-
-class VariantPlayer(ChildProcess):
-    """Parent's end of one engine's process.
-
-    Commands: `plan` (scenario), which returns planning times [s]; `play` (scenario, settings of each variant,
-    time of steps after which play stops [s], passes), which returns Variants.
-    """
-
-    def __init__(self, engine: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
-        super().__init__(_Server, (engine, loader), output, patience)
-
-
-class _Server:
-    """Child's end: an engine, loaded at the first command."""
-
-    _engine: Engine | None = None
-
-    def __init__(self, name: str, loader: Loader) -> None:
-        self._name, self._loader = name, loader
-
-    def handle(self, command: str, argument: Any) -> object:
-        """Execute one command."""
-        if self._engine is None:
-            self._engine = self._loader(self._name)
-        return plan_seconds(argument) if command == "plan" else play(self._engine, *argument)
 
 
 def plan_seconds(scenario: Scenario) -> Array:

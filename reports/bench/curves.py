@@ -19,7 +19,7 @@ from touchstone.adapters.registry import ENGINES, installed, load, missing_reaso
 from touchstone.adapters.workers.stepping import Loader, Stepper
 from touchstone.reports.bench.poses import hull_slide
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.studies.interleaved_timing import Stretch, measure
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, measure
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
 

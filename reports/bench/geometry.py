@@ -25,9 +25,15 @@ from touchstone.reports.bench.poses import FAMILIES, hand_slide
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table
-from touchstone.reports.studies.interleaved_timing import Measured, Stretch, measure
-from touchstone.reports.studies.narrow_phase.rows import Mask, Truth, depth_errors, with_median, with_ratio
-from touchstone.reports.studies.poses import corners, size_of
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
+from touchstone.reports.studies.narrow_phase.poses import corners, size_of
+from touchstone.reports.studies.narrow_phase.study import (
+    Mask,
+    PairTruth,
+    depth_errors,
+    with_median,
+    with_ratio,
+)
 from touchstone.reports.verdict.judge import judged
 
 __all__ = ["Plan", "run", "show", "steps"]
@@ -79,7 +85,7 @@ def run(out: Path, progress: Progress, plan: Plan = PLAN, loader: Loader = load_
     return frame
 
 
-def queries(plan: Plan) -> tuple[Truth, list[Stretch]]:
+def queries(plan: Plan) -> tuple[PairTruth, list[Stretch]]:
     """All queries with their truths, one stretch per family: an application asks one kind of query at a
     time."""
     rng = np.random.default_rng(0)
@@ -96,10 +102,12 @@ def queries(plan: Plan) -> tuple[Truth, list[Stretch]]:
     vertices = [(corners(a), corners(b)) for a, b in pairs]
     found = [signed_distance(a, b) for a, b in vertices]
     distance, normal = (np.array(column) for column in zip(*found))
-    return Truth(pairs, vertices, family, np.array([size_of(p) for p in pairs]), distance, normal), stretches
+    return PairTruth(
+        pairs, vertices, family, np.array([size_of(p) for p in pairs]), distance, normal
+    ), stretches
 
 
-def rows_of_bench(truth: Truth, measured: Mapping[str, Measured]) -> list[Row]:
+def rows_of_bench(truth: PairTruth, measured: Mapping[str, Answered]) -> list[Row]:
     """Rows of every detector and family; for the sliding hand also the detectors' certificates."""
     rows = []
     asked = {}
@@ -121,7 +129,7 @@ def _ours(name: str) -> bool:
     return name.startswith("reference.")
 
 
-def _rows(base: Row, truth: Truth, mine: Measured, chosen: Mask) -> list[Row]:
+def _rows(base: Row, truth: PairTruth, mine: Answered, chosen: Mask) -> list[Row]:
     """Times and the largest error of one detector on one family."""
     rows = []
     failures = [mine.failures[k] for k in np.flatnonzero(chosen).tolist() if k in mine.failures]
@@ -139,7 +147,7 @@ def _rows(base: Row, truth: Truth, mine: Measured, chosen: Mask) -> list[Row]:
     return [*rows, replace(exception, reason=reason if failed else "")]
 
 
-def _certificates(base: Row, truth: Truth, mine: Measured, chosen: Mask) -> list[Row]:
+def _certificates(base: Row, truth: PairTruth, mine: Answered, chosen: Mask) -> list[Row]:
     """Share of answers without a certificate, or without one from the previous frame, and the number of wrong
     answers among certified ones."""
     proved = chosen.copy()
@@ -152,7 +160,7 @@ def _certificates(base: Row, truth: Truth, mine: Measured, chosen: Mask) -> list
     ]
 
 
-def _ratios(truth: Truth, asked: Mapping[str, Measured]) -> list[Row]:
+def _ratios(truth: PairTruth, asked: Mapping[str, Answered]) -> list[Row]:
     """Ratios of the time of each of the reference's detectors to each other detector's, query by query."""
     rows = []
     for name in filter(_ours, asked):

@@ -28,7 +28,7 @@ from touchstone.reports.cli.options import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from touchstone.reports.studies.work_precision.cheapest import Answer, Setting
+    from touchstone.reports.studies.work_precision.cheapest import Answer, MeasuredSetting
 
 
 def cheapest(
@@ -63,7 +63,7 @@ def cheapest(
         settings_of_scene,
     )
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
-    from touchstone.reports.studies.work_precision.study import Plan, measure
+    from touchstone.reports.studies.work_precision.study import StudyCells, measure
     from touchstone.reports.sweep.store import StoreError
     from touchstone.scenarios.catalogue import catalogue
 
@@ -80,9 +80,9 @@ def cheapest(
         stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%", BAD_INPUT)
     engines = [engine_installed(engine)] if engine else list(ENGINES)
     require_judge()
-    plan = Plan([scene.name], engines, quick, with_ladder=False)
-    with resumable(store), measuring(plan.size, quiet, StoreError) as progress:
-        table, _ = measure(plan, store, jobs, progress)
+    cells = StudyCells([scene.name], engines, quick, with_ladder=False)
+    with resumable(store), measuring(cells.size, quiet, StoreError) as progress:
+        table, _ = measure(cells, store, jobs, progress)
     if gone := missing_quantities(table, limits):
         has = ", ".join(name for name in QUANTITIES if name in set(table.quantity))
         stop(f"{scene.name}: no {' and no '.join(gone)} is measured in this scene; it has {has}", BAD_INPUT)
@@ -115,9 +115,8 @@ def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
 
 
 def rows(answer: Answer, limits: dict[str, float]) -> list[dict[str, object]]:
-    """The settings of the answer, the cheapest first, each with its place, times [s], errors and limits [SI],
-    and the command that plays it. An infinite error, such as that of a passage, is None: JSON has none."""
-    places: tuple[tuple[str, tuple[Setting | None, ...]], ...] = (
+    """The settings of the answer, the cheapest first, each with its place."""
+    places: tuple[tuple[str, tuple[MeasuredSetting | None, ...]], ...] = (
         ("cheapest" if answer.met else "nearest miss", (answer.best,)),
         ("cannot tell apart", answer.tied),
         ("runner-up" if answer.met else "next", (answer.runner_up,)),
@@ -129,14 +128,21 @@ def rows(answer: Answer, limits: dict[str, float]) -> list[dict[str, object]]:
             if one is None:
                 continue
             key = (one.engine, one.profile, one.settings, one.dt)
-            times = {"time": one.time, "time_low": one.time_low, "time_high": one.time_high}
-            named = dict(zip(("engine", "profile", "settings", "dt"), key))
-            measured = {name: one.errors[name] for name in limits if name in one.errors}
-            errors = {f"error {name}": value if isfinite(value) else None for name, value in measured.items()}
-            asked = {f"limit {name}": limit for name, limit in limits.items()}
-            row = {"place": place, **named, **times, **errors, **asked, "command": one.command}
-            found.setdefault(key, row)
+            found.setdefault(key, setting_row(place, one, limits))
     return list(found.values())
+
+
+def setting_row(
+    place: str, one: MeasuredSetting, limits: Mapping[str, float], **more: object
+) -> dict[str, object]:
+    """A setting with its place, `more`, times [s], errors and limits [SI], and the command that plays it. An
+    infinite error, such as that of a passage, is None: JSON has none."""
+    row: dict[str, object] = {"place": place, "engine": one.engine, "profile": one.profile}
+    row |= {"settings": one.settings, "dt": one.dt, **more}
+    row |= {"time": one.time, "time_low": one.time_low, "time_high": one.time_high}
+    errors = {name: one.errors[name] for name in limits if name in one.errors}
+    row |= {f"error {name}": value if isfinite(value) else None for name, value in errors.items()}
+    return row | {f"limit {name}": limit for name, limit in limits.items()} | {"command": one.command}
 
 
 def lines(answer: Answer, limits: dict[str, float]) -> list[str]:
@@ -154,21 +160,21 @@ def lines(answer: Answer, limits: dict[str, float]) -> list[str]:
     return [*found, f"again: {best.command}"]
 
 
-def words_of(setting: Setting) -> str:
+def words_of(setting: MeasuredSetting) -> str:
     """A setting and its time, with the range of the rounds."""
     from touchstone.reports.run.request import step_text
-    from touchstone.reports.studies.work_precision.table import number
+    from touchstone.reports.studies.work_precision.study import number
 
     label = f"{setting.engine} {setting.profile} {setting.settings}".strip()
     low, high = number(setting.time_low, "s"), number(setting.time_high, "s")
     return f"{label} at {step_text(setting.dt)} s: {number(setting.time, 's')} a frame ({low} to {high})"
 
 
-def margins(setting: Setting, limits: Mapping[str, float]) -> str:
+def margins(setting: MeasuredSetting, limits: Mapping[str, float]) -> str:
     """Each error beside its limit."""
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
-    from touchstone.reports.studies.work_precision.table import number
+    from touchstone.reports.studies.work_precision.study import number
 
     parts = []
     for name, limit in limits.items():

@@ -227,7 +227,7 @@ def effect_rows(scenario: Scenario, measured: bool = False) -> list[dict[str, ob
     decisions = plan(scenario, bounds(scenario)).decisions
     rows: list[dict[str, object]] = [{"effect": one.effect, "plan": one.state} for one in decisions]
     if measured:
-        from touchstone.reports.studies.effects.study import costs
+        from touchstone.reports.studies.effects import costs
 
         found = costs(scenario)
         for row, one in zip(rows, decisions):

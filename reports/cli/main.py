@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli import stability
 from touchstone.reports.cli.cheapest import cheapest
 from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
@@ -61,6 +60,7 @@ from touchstone.reports.cli.scenes.exporting import export
 from touchstone.reports.cli.scenes.importing import import_robot
 from touchstone.reports.cli.scenes.reproducing import reproduce
 from touchstone.reports.cli.scenes.schema import schema
+from touchstone.reports.cli.soak import soak
 from touchstone.reports.cli.studies import bench, study
 from touchstone.reports.cli.sweep import sweep
 
@@ -80,7 +80,7 @@ app = typer.Typer(
 app.add_typer(study, name="study")
 app.add_typer(failings, name="failings")
 app.command()(bench)
-app.command()(stability.soak)
+app.command()(soak)
 app.command()(nightly)
 app.command()(accept)
 app.command()(sweep)

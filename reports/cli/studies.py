@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import partial
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
@@ -27,199 +32,212 @@ from touchstone.reports.cli.options import (
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import Console
+
+    from touchstone.reports.cli.progress import Progress
+    from touchstone.scenarios.files.pair_file import GivenPair
+    from touchstone.scenarios.scenario import Scenario
 
 MOST = 10_000_000
 """Largest number of scenes, pairs or goals of a study [1]: days."""
+STORE = Path("runs/sweep")
+EngineOption = Annotated[list[str] | None, typer.Option(help="Engines (default: all).")]
+JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")]
+StoreOption = Annotated[Path, typer.Option(help="Folder of all cells; what it holds is skipped.")]
+
+
+@dataclass(frozen=True, slots=True)
+class StudyRequest:
+    """A study with the arguments of its command.
+
+    Attributes:
+        steps: number of progress steps of `run`.
+        run: measures into a new folder; returns the long table.
+        show: prints the long table.
+        store: folder of cells that are kept, if the study has one.
+    """
+
+    steps: int
+    run: Callable[[Path, Progress], pd.DataFrame]
+    show: Callable[[pd.DataFrame, Console], None]
+    store: Path | None = None
+
+
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
 
 
-@study.command("narrow-phase")
+def studied(
+    name: str, judge: bool = False
+) -> Callable[[Callable[..., StudyRequest]], Callable[..., StudyRequest]]:
+    """Register a function of a study's own options as `touchstone study NAME`; it returns what they ask for.
+
+    All studies have the options --out, --format, --yes and --quiet, measure with progress, and exit with the
+    code of their verdicts. With `judge`, the libraries that judge measurements are needed.
+    """
+
+    def register(asked_for: Callable[..., StudyRequest]) -> Callable[..., StudyRequest]:
+        def command(out: Path | None, output: Format, yes: bool, quiet: bool, **own: Any) -> None:
+            from touchstone.reports.studies.study import RefusedError
+            from touchstone.reports.sweep.store import StoreError
+
+            folder = out or folder_of_now(f"{name}-")
+            try:
+                asked = asked_for(**own)
+            except RefusedError as error:
+                stop(str(error), BAD_INPUT)
+            if judge:
+                require_judge()
+            kept = nullcontext() if asked.store is None else resumable(asked.store)
+            with kept, measuring(asked.steps, quiet, RefusedError, StoreError) as progress:
+                frame = asked.run(folder, progress)
+            ended(frame, asked.show, folder, output, quiet, by_name=bool(own.get("engine")))
+
+        out = Annotated[Path | None, typer.Option(help=f"Folder (default: runs/{name}-<time>).")]
+        shared: dict[str, tuple[Any, Any]] = {"out": (out, None), "output": (FormatOption, Format.table)}
+        shared |= {"yes": (YesOption, False), "quiet": (QuietOption, False)}
+        hints = get_type_hints(asked_for, include_extras=True)
+        parameters = [
+            one.replace(annotation=hints[one.name]) for one in signature(asked_for).parameters.values()
+        ]
+        parameters += [
+            Parameter(option, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+            for option, (annotation, default) in shared.items()
+        ]
+        command.__dict__["__signature__"] = signature(asked_for).replace(
+            parameters=parameters, return_annotation=None
+        )
+        command.__doc__ = asked_for.__doc__
+        study.command(name)(command)
+        return asked_for
+
+    return register
+
+
+def scenes_named(names: Iterable[str]) -> list[Scenario]:
+    """Scenes of the catalogue, each once; a wrong name exits with one line."""
+    from touchstone.scenarios.catalogue import catalogue
+
+    return [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(names)]
+
+
+@studied("narrow-phase")
 def narrow_phase(
     pairs: Annotated[
         str, typer.Option(help="Number of random pairs over all families, or a file of pairs (JSON, TOML).")
     ] = "1000",
     seed: Annotated[int, typer.Option(min=0, help="Of the random poses.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/narrow-phase-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
+) -> StudyRequest:
     """Send the same poses through every detector; compare with the explicit Minkowski difference."""
-    from touchstone.reports.studies.narrow_phase.study import PairsError, run, steps
-    from touchstone.reports.studies.narrow_phase.table import show
+    from touchstone.adapters.detectors import DETECTORS
+    from touchstone.reports.studies.narrow_phase import study as module
 
-    folder = out or folder_of_now("narrow-phase-")
     if not re.fullmatch(r"[+-]?[0-9]+", pairs):
-        ended(_of_file(Path(pairs), folder, quiet), show, folder, output, quiet)
-        return
+        given = _pairs_of(Path(pairs))
+        run = partial(module.run_given, given)
+        return StudyRequest(len(given) * len(DETECTORS), run, module.show)
     if (count := int(pairs)) > MOST:
         stop(f"--pairs {pairs}: expected at most {MOST}", BAD_INPUT)
-    with measuring(steps(count), quiet, PairsError) as progress:
-        frame = run(count, seed, folder, progress)
-    ended(frame, show, folder, output, quiet)
+    return StudyRequest(count * len(DETECTORS), partial(module.run, count, seed), module.show)
 
 
-def _of_file(path: Path, folder: Path, quiet: bool) -> pd.DataFrame:
-    """What all detectors say of the pairs of a file."""
-    from touchstone.adapters.detectors import DETECTORS
-    from touchstone.reports.studies.narrow_phase.given_pairs import UnknownTruth, run
+def _pairs_of(path: Path) -> list[GivenPair]:
+    """The pairs of a file; a wrong one exits with one line."""
     from touchstone.scenarios.files.pair_file import read_pairs
     from touchstone.scenarios.files.read import SceneFileError
 
     if path.suffix not in (".json", ".toml"):
         stop(f"--pairs {path}: expected a number of pairs, or a file .json or .toml", BAD_INPUT)
     try:
-        given = read_pairs(path)
+        return list(read_pairs(path))
     except SceneFileError as error:
         stop(str(error), BAD_INPUT)
-    with measuring(len(given) * len(DETECTORS), quiet, UnknownTruth) as progress:
-        return run(given, folder, progress)
 
 
-@study.command("ik")
+@studied("ik")
 def inverse_kinematics(
     goals: Annotated[int, typer.Option(max=MOST, help="Random reachable goals of the left arm.")] = 10_000,
     seed: Annotated[int, typer.Option(min=0, help="Of the random postures.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/ik-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
+) -> StudyRequest:
     """Solve inverse kinematics of an arm from near and from rest, beside a loop on pinocchio."""
-    from touchstone.reports.studies.inverse_kinematics.study import GoalsError, run, steps
-    from touchstone.reports.studies.inverse_kinematics.table import show
+    from touchstone.reports.studies import inverse_kinematics as module
 
-    folder = out or folder_of_now("ik-")
-    with measuring(steps(goals), quiet, GoalsError) as progress:
-        frame = run(goals, seed, folder, progress)
-    ended(frame, show, folder, output, quiet)
+    return StudyRequest(module.steps(goals), partial(module.run, goals, seed), module.show)
 
 
-@study.command("calibration")
+@studied("calibration")
 def calibration(
-    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    engine: EngineOption = None,
     profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: all).")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/calibration-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
+) -> StudyRequest:
     """Measure the restitution and friction that engines achieve, beside what they were asked for."""
-    from touchstone.reports.studies.calibration.show import show
-    from touchstone.reports.studies.calibration.study import Grid, run, steps
+    from touchstone.reports.studies.calibration import study as module
 
-    columns, folder = columns_for(engine or [], profile or []), out or folder_of_now("calibration-")
-    with measuring(steps(columns, Grid()), quiet) as progress:
-        frame = run(columns, folder, progress)
-    ended(frame, show, folder, output, quiet, by_name=bool(engine))
+    columns = columns_for(engine or [], profile or [])
+    return StudyRequest(
+        len(module.tasks(columns, module.Requested())), partial(module.run, columns), module.show
+    )
 
 
-@study.command("agreement")
+@studied("agreement")
 def agreement(
     scenario: Annotated[
         list[str] | None, typer.Argument(help="Scenes with a closed form (default: one or two per family).")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/agreement-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
+) -> StudyRequest:
     """Play scenes at ever smaller steps: errors of step and of model, and the outlier."""
-    from touchstone.reports.studies.agreement.study import SCENES, NoTruth, run, steps
-    from touchstone.reports.studies.agreement.table import show
-    from touchstone.scenarios.catalogue import catalogue
+    from touchstone.reports.studies import agreement as module
 
-    chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or SCENES]
-    folder = out or folder_of_now("agreement-")
-    with measuring(steps(chosen), quiet, NoTruth) as progress:
-        frame = run(chosen, folder, progress)
-    ended(frame, show, folder, output, quiet)
+    chosen = scenes_named(scenario or module.SCENES)
+    return StudyRequest(len(module.tasks(chosen)), partial(module.run, chosen), module.show)
 
 
-@study.command("convergence")
+@studied("convergence")
 def convergence(
     scenario: Annotated[
         list[str] | None,
         typer.Argument(help="Scenes with a truth (default: the curved and thirteen others)."),
     ] = None,
-    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
-    store: Annotated[Path, typer.Option(help="Folder of all cells; what it holds is skipped.")] = Path(
-        "runs/sweep"
-    ),
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/convergence-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
+    engine: EngineOption = None,
+    jobs: JobsOption = None,
+    store: StoreOption = STORE,
+) -> StudyRequest:
     """Play scenes with a truth at seven steps: order of convergence and floor of every engine."""
     from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.studies.agreement.study import NoTruth
-    from touchstone.reports.studies.convergence.definitions import cells, scenes
-    from touchstone.reports.studies.convergence.study import run
-    from touchstone.reports.studies.convergence.table import show
-    from touchstone.reports.sweep.store import StoreError
-    from touchstone.scenarios.catalogue import catalogue
+    from touchstone.reports.studies.convergence import study as module
 
-    names = [known("scenario", name, catalogue()) for name in dict.fromkeys(scenario or scenes())]
-    folder = out or folder_of_now("convergence-")
-    try:
-        asked = cells(names, engines_named(engine or ENGINES))
-    except NoTruth as error:
-        stop(str(error), BAD_INPUT)
-    with resumable(store), measuring(len(asked), quiet, StoreError) as progress:
-        frame = run(asked, store, folder, jobs, progress)
-    ended(frame, show, folder, output, quiet, by_name=bool(engine))
+    names = [scene.name for scene in scenes_named(scenario or module.scenes())]
+    cells = module.cells(names, engines_named(engine or ENGINES))
+    return StudyRequest(len(cells), partial(module.run, cells, store, jobs=jobs), module.show, store)
 
 
-@study.command("effects")
+@studied("effects")
 def effects(
     scenario: Annotated[
         list[str] | None, typer.Argument(help="Scenes (default: the gallery and the probes).")
     ] = None,
-    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/effects-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
+    engine: EngineOption = None,
+) -> StudyRequest:
     """Play scenes with their plan and with all effects, and toggle each: time saved, outcome changed."""
     from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.studies.effects.study import run, scenes, steps
-    from touchstone.reports.studies.effects.table import show
-    from touchstone.scenarios.catalogue import catalogue
+    from touchstone.reports.studies import effects as module
 
-    chosen = [catalogue()[known("scenario", name, catalogue())] for name in scenario or ()] or scenes()
-    engines = engines_named(engine or ENGINES)
-    folder = out or folder_of_now("effects-")
-    with measuring(steps(chosen, engines), quiet) as progress:
-        frame = run(chosen, engines, folder, progress)
-    ended(frame, show, folder, output, quiet, by_name=bool(engine))
+    chosen, engines = scenes_named(scenario or ()) or module.scenes(), engines_named(engine or ENGINES)
+    return StudyRequest(len(chosen) * len(engines), partial(module.run, chosen, engines), module.show)
 
 
-@study.command("predictability")
+@studied("predictability", judge=True)
 def predictability(
     scenario: Annotated[list[str] | None, typer.Argument(help="Scenes (default: five of all kinds).")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the random directions.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/predictability-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
+) -> StudyRequest:
     """Perturb the start of scenes: by how much engines amplify it, beside the closed form."""
-    from touchstone.reports.studies.predictability.study import SCENES, run, steps
-    from touchstone.reports.studies.predictability.table import show
-    from touchstone.scenarios.catalogue import catalogue
+    from touchstone.reports.studies import predictability as module
 
-    chosen = [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(scenario or SCENES)]
-    folder = out or folder_of_now("predictability-")
-    require_judge()
-    with measuring(steps(chosen), quiet) as progress:
-        frame = run(chosen, seed, folder, progress)
-    ended(frame, show, folder, output, quiet)
+    chosen = scenes_named(scenario or module.SCENES)
+    return StudyRequest(module.steps(chosen), partial(module.run, chosen, seed), module.show)
 
 
-@study.command("robustness")
+@studied("robustness", judge=True)
 def robustness(
     scenes: Annotated[int, typer.Option(min=1, max=MOST, help="Random scenes, from --seed on.")] = 200,
     seed: Annotated[int, typer.Option(min=0, help="Of the first scene.")] = 0,
@@ -227,43 +245,102 @@ def robustness(
     perturbation: Annotated[float, typer.Option(min=0, max=1, help="Move bodies by so many metres.")] = 0.0,
     engine: Annotated[list[str] | None, typer.Option(help="Engines (default: reference).")] = None,
     profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/robustness-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
+) -> StudyRequest:
     """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
-    from touchstone.reports.studies.robustness.study import PROFILES, run, tasks
-    from touchstone.reports.studies.robustness.table import show
+    from touchstone.reports.studies.robustness import study as module
     from touchstone.scenarios.random_scenes import ALL_KINDS
 
-    columns = columns_for(engine or ["reference"], profile or [], PROFILES)
+    columns = columns_for(engine or ["reference"], profile or [], module.PROFILES)
     chosen = known("kind", kind, ALL_KINDS) if kind else None
-    asked = tasks(columns, scenes, seed, chosen, perturbation)
-    folder = out or folder_of_now("robustness-")
-    require_judge()
-    with measuring(len(asked), quiet) as progress:
-        frame = run(columns, asked, folder, progress)
-    ended(frame, show, folder, output, quiet, by_name=bool(engine))
+    asked = module.tasks(columns, scenes, seed, chosen, perturbation)
+    return StudyRequest(len(asked), partial(module.run, columns, asked), module.show)
 
 
-@study.command("paper")
+@studied("paper", judge=True)
 def paper(
     repeats: Annotated[int, typer.Option(min=1, help="Timed plays of every scene.")] = 15,
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/paper-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
+) -> StudyRequest:
     """Replay the experiments of the paper on the profile `paper`, and judge its claims one by one."""
-    from touchstone.reports.studies.paper.study import run, steps
-    from touchstone.reports.studies.paper.table import show
+    from touchstone.reports.studies.paper import study as module
 
-    folder = out or folder_of_now("paper-")
-    require_judge()
-    with measuring(steps(repeats), quiet) as progress:
-        frame = run(repeats, folder, progress)
-    ended(frame, show, folder, output, quiet)
+    return StudyRequest(module.steps(repeats), partial(module.run, repeats), module.show)
+
+
+@studied("work-precision", judge=True)
+def work_precision(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes (default: the gallery and six probes).")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Five scenes, three steps, two rounds.")] = False,
+    engine: EngineOption = None,
+    jobs: JobsOption = None,
+    store: StoreOption = STORE,
+) -> StudyRequest:
+    """Measure error over wall time of every engine and setting: what accuracy costs."""
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.studies.work_precision import study as module
+    from touchstone.reports.studies.work_precision.definitions import scenes
+
+    names = [scene.name for scene in scenes_named(scenario or scenes(quick))]
+    engines = engines_named(engine or ENGINES)
+    cells = module.StudyCells(names, engines, quick)
+    return StudyRequest(cells.size, partial(module.run, cells, store, jobs=jobs), module.show, store)
+
+
+@studied("stability", judge=True)
+def stability(
+    family: Annotated[
+        list[str] | None, typer.Argument(help="Families of hard scenes (default: all).", show_default=False)
+    ] = None,
+    engine: EngineOption = None,
+    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Three levels each, at the profiles' own steps.")
+    ] = False,
+    sheet: Annotated[
+        int,
+        typer.Option(min=0, help="Also draw pictures of this many cells at random, without their classes."),
+    ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the cells that --sheet draws.")] = 0,
+    store: Annotated[Path, typer.Option(help="Store of measured cells, which are not played again.")] = Path(
+        "runs/stability"
+    ),
+    jobs: JobsOption = None,
+) -> StudyRequest:
+    """Play hard scenes at growing difficulty and step: how far each engine goes, and how it fails."""
+    from touchstone.reports.studies.stability import play
+    from touchstone.reports.studies.stability import study as module
+    from touchstone.scenarios.difficulty.family import families
+
+    names = [known("family", name, families()) for name in family or ()]
+    columns = columns_for(engine or [], profile or [], play.QUICK if quick else play.PROFILES)
+    if quick and not profile and ("reference", "balanced") in columns:
+        columns = (columns[0], ("reference", "accurate"), *columns[1:])
+    scope = play.Scope(columns, play.chosen(names), quick)
+    run = partial(module.run, scope, store, jobs=jobs, sheet=sheet, seed=seed)
+    return StudyRequest(len(scope.cells()) + sheet, run, module.show, store)
+
+
+@studied("relations")
+def relations(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes (default: the smaller probes).", show_default=False)
+    ] = None,
+    engine: EngineOption = None,
+    profile: Annotated[
+        list[str] | None, typer.Option(help="Profiles (default: balanced, recommended).")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Six scenes.")] = False,
+) -> StudyRequest:
+    """Turn, mirror, move, scale and split scenes: does the motion change accordingly, and not otherwise?"""
+    from touchstone.reports.studies import relations as module
+    from touchstone.scenarios.catalogue import all_names, catalogue, find
+
+    valid, names = all_names(), dict.fromkeys(scenario or (module.QUICK if quick else ()))
+    scenes = [find(name if name in valid else known("scenario", name, catalogue())) for name in names]
+    scenes = scenes or module.default_scenes()
+    columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    return StudyRequest(len(module.tasks(columns, scenes)), partial(module.run, columns, scenes), module.show)
 
 
 def bench(
@@ -282,7 +359,6 @@ def bench(
     """Measure what the reference costs, over others in the same run: depth, frames, growth with size."""
     from touchstone.reports.bench import BENCHES, load
     from touchstone.reports.bench import frame as bench_frame
-    from touchstone.scenarios.catalogue import catalogue
 
     chosen = load(known("bench", name, BENCHES))
     folder = out or folder_of_now(f"bench-{name}-")
@@ -292,41 +368,7 @@ def bench(
         with measuring(chosen.steps(), quiet) as progress:
             found = chosen.run(folder, progress)
     else:
-        scenes = [catalogue()[known("scenario", one, catalogue())] for one in dict.fromkeys(scenario or ())]
-        played = scenes or bench_frame.scenes()
+        played = scenes_named(scenario or ()) or bench_frame.scenes()
         with measuring(bench_frame.steps(played, restarts), quiet) as progress:
             found = bench_frame.run(folder, progress, played, restarts, seed)
     ended(found, chosen.show, folder, output, quiet)
-
-
-@study.command("work-precision")
-def work_precision(
-    scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes (default: the gallery and six probes).")
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Five scenes, three steps, two rounds.")] = False,
-    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
-    store: Annotated[Path, typer.Option(help="Folder of all cells; what it holds is skipped.")] = Path(
-        "runs/sweep"
-    ),
-    out: Annotated[Path | None, typer.Option(help="Folder (default: runs/work-precision-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
-) -> None:
-    """Measure error over wall time of every engine and setting: what accuracy costs."""
-    from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.studies.work_precision.definitions import scenes
-    from touchstone.reports.studies.work_precision.study import Plan, run
-    from touchstone.reports.studies.work_precision.table import show
-    from touchstone.reports.sweep.store import StoreError
-    from touchstone.scenarios.catalogue import catalogue
-
-    names = [known("scenario", name, catalogue()) for name in dict.fromkeys(scenario or scenes(quick))]
-    engines = engines_named(engine or ENGINES)
-    plan, folder = Plan(names, engines, quick), out or folder_of_now("work-precision-")
-    require_judge()
-    with resumable(store), measuring(plan.size, quiet, StoreError) as progress:
-        frame = run(plan, store, folder, jobs, progress)
-    ended(frame, show, folder, output, quiet, by_name=bool(engine))

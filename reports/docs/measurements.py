@@ -19,11 +19,10 @@ WIDTH = 120
 """Width of tables in characters."""
 SHOWN_BY = {
     "run": "touchstone.reports.views.terminal",
-    "import": "touchstone.reports.studies.robots.table",
-    "ik": "touchstone.reports.studies.inverse_kinematics.table",
-    "calibration": "touchstone.reports.studies.calibration.show",
+    "import": "touchstone.reports.studies.robots",
+    "ik": "touchstone.reports.studies.inverse_kinematics",
 }
-"""Modules whose `show` prints a study's table, where they are not `reports/studies/NAME/table.py`."""
+"""Modules whose `show` prints a study's table, where they are not `reports/studies/NAME`."""
 
 
 class NoResults(Exception):
@@ -84,11 +83,12 @@ def _text(study: str, frame: pd.DataFrame) -> str:
 def _show_of(study: str) -> Callable[[pd.DataFrame, Console], None]:
     """The function that prints a study's table."""
     bench = study.partition("bench ")[2]
-    home = f"bench.{bench}" if bench else f"studies.{study.replace('-', '_')}.table"
+    home = f"bench.{bench}" if bench else f"studies.{study.replace('-', '_')}"
     try:
-        show: Callable[[pd.DataFrame, Console], None] = importlib.import_module(
-            SHOWN_BY.get(study, f"touchstone.reports.{home}")
-        ).show
+        module = importlib.import_module(SHOWN_BY.get(study, f"touchstone.reports.{home}"))
+        if not hasattr(module, "show"):
+            module = importlib.import_module(f"{module.__name__}.study")
+        show: Callable[[pd.DataFrame, Console], None] = module.show
     except (ModuleNotFoundError, AttributeError) as error:
         raise NoResults(f"no module shows the study {study!r}") from error
     return show

@@ -16,7 +16,7 @@ from touchstone.adapters.knobs import Setting, SettingError, split
 from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.adapters.scripts.process import settings_lines
 from touchstone.reports.docs.markdown_table import NOTICE, table_text
-from touchstone.reports.studies.tuning.space import values_of
+from touchstone.reports.studies.tuning import values_of
 from touchstone.scenarios.catalogue import catalogue
 
 SCENE = "slip"

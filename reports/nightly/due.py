@@ -133,10 +133,10 @@ def _columns(*profiles: str) -> tuple[tuple[str, str], ...]:
 
 def _hard(names: Sequence[str], out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
     """Outcomes of hard cases at three levels of difficulty."""
-    from touchstone.reports.studies.stability.cells import QUICK, Plan, chosen
+    from touchstone.reports.studies.stability.play import QUICK, Scope, chosen
     from touchstone.reports.studies.stability.study import run
 
-    return run(Plan(_columns(*QUICK), chosen(names), quick=True), out, scratch / "store", progress)[0]
+    return run(Scope(_columns(*QUICK), chosen(names), quick=True), scratch / "store", out, progress)
 
 
 def _robustness(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
@@ -149,7 +149,7 @@ def _robustness(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
 
 def _relations(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
     """Turned, mirrored, moved and scaled scenes."""
-    from touchstone.reports.studies.relations.study import QUICK, run
+    from touchstone.reports.studies.relations import QUICK, run
 
     return run(_columns("balanced", "recommended"), [catalogue()[name] for name in QUICK], out, progress)
 
@@ -163,6 +163,6 @@ def _calibration(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
 
 def _predictability(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
     """Growth of small differences."""
-    from touchstone.reports.studies.predictability.study import SCENES, run
+    from touchstone.reports.studies.predictability import SCENES, run
 
     return run([catalogue()[name] for name in SCENES], 0, out, progress)

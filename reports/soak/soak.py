@@ -20,7 +20,8 @@ from touchstone.adapters.registry import ENGINES, load
 from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
 from touchstone.reports.results import write_beside
 from touchstone.reports.soak.shrink import MOST_TRIES, shrunk
-from touchstone.reports.studies.robustness.play import PATIENCE, asked_of, assess_task
+from touchstone.reports.studies.robustness.play import PATIENCE, assess_task, assessment_of
+from touchstone.reports.studies.tasks import Task, asked_of
 from touchstone.reports.verdict.random_outcomes import Assessment
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.random_scenes import random_scene
@@ -31,15 +32,6 @@ SOUND = ("ok", "skipped", "residual")
 """Classes that break no invariant."""
 PROCESSES = 2
 Listener = Callable[[str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """One scene on an engine, as `studies.robustness.play.assess_task` plays it."""
-
-    engine: str
-    settings: Settings
-    scenario: Scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +88,7 @@ def soak(
 
     def one(slot: Slot[EngineProcess], seed: int) -> Iterator[Assessment | Failure]:
         def played(scenario: Scenario) -> Assessment:
-            return asked_of(slot, Task(ENGINE, settings, scenario))
+            return assessment_of(asked_of(slot, Task(scenario, ENGINE, settings)))
 
         def fails(scenario: Scenario) -> bool:
             return played(scenario).outcome == first.outcome

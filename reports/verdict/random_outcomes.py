@@ -32,7 +32,7 @@ J."""
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
+class RunBounds:
     """Largest values of an `ok` run: overlap [m], change of momentum over its sum [1], rise of energy in a
     frame over U [1], residual of a frame [m/s], rise of energy beyond the work of drivers over U [1]."""
 
@@ -43,10 +43,10 @@ class Bounds:
     given: float
 
 
-EXACT = Bounds(overlap=1.02e-6, momentum=1e-9, rise=1e-6, residual=1e-7, given=0.01)
+EXACT = RunBounds(overlap=1.02e-6, momentum=1e-9, rise=1e-6, residual=1e-7, given=0.01)
 """Bounds of the reference: it detects touching within 1e-6 m, the oracle's tolerance is 1e-8 m; the rest is
 what the solver guarantees. The work of a stiff driver in a substep that ends early is known to a percent."""
-FIRST_ORDER = Bounds(overlap=1e-2, momentum=1e-6, rise=0.05, residual=inf, given=inf)
+FIRST_ORDER = RunBounds(overlap=1e-2, momentum=1e-6, rise=0.05, residual=inf, given=inf)
 """Bounds of DART, Bullet and MuJoCo: they detect contact after overlap, by v h at 2.4 m/s and 1/240 s; energy
 to 5 %."""
 
@@ -88,7 +88,7 @@ class Assessment:
 
 @np.errstate(over="ignore", invalid="ignore")
 def judge_random(
-    recording: Recording, scenario: Scenario, bounds: Bounds, outcome: str, reason: str
+    recording: Recording, scenario: Scenario, bounds: RunBounds, outcome: str, reason: str
 ) -> Assessment:
     """Class and figures of a run; `outcome` is the class if already known."""
     context = Context(recording, scenario)

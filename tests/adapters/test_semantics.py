@@ -13,9 +13,15 @@ import pytest
 from touchstone.adapters.contract import Settings, State
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ACCURATE, ENGINES
-from touchstone.reports.studies.calibration.children import motion_of
-from touchstone.reports.studies.calibration.estimates import friction_of, rebound_of, restitution_of
-from touchstone.reports.studies.calibration.scenes import G, Probe, scene
+from touchstone.reports.studies.calibration.probes import (
+    G,
+    Probe,
+    friction_of,
+    motion_of,
+    rebound_of,
+    restitution_of,
+    scene,
+)
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 

@@ -11,8 +11,8 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from touchstone.adapters.contract import Engine, Settings
-from touchstone.reports.studies.robustness.play import Task, assess
-from touchstone.reports.studies.robustness.study import Run, line, rows_of_runs
+from touchstone.reports.studies.robustness.play import SeededTask, assess
+from touchstone.reports.studies.robustness.study import Assessed, line, rows_of_runs
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.random_outcomes import EXACT
 from touchstone.scenarios.random_scenes.bodies import (
@@ -52,11 +52,13 @@ def reference() -> Engine:
     return load("reference")
 
 
-def played(profile: str, seeds: Iterable[int], most: int | None = None, kind: str | None = None) -> list[Run]:
+def played(
+    profile: str, seeds: Iterable[int], most: int | None = None, kind: str | None = None
+) -> list[Assessed]:
     """The assessed scenes of some seeds, of those with at most so many bodies."""
     pytest.importorskip("coal", reason="not installed (pip install coal)")
     pytest.importorskip("fcl", reason="not installed (pip install python-fcl)")
-    asked = [Task("reference", Settings(profile, FRAME), seed, kind) for seed in seeds]
+    asked = [SeededTask("reference", Settings(profile, FRAME), seed, kind) for seed in seeds]
     scenes = [(task, task.scenario) for task in asked]
     return [
         (task, assess(reference(), scene, task.settings, EXACT))
@@ -65,7 +67,7 @@ def played(profile: str, seeds: Iterable[int], most: int | None = None, kind: st
     ]
 
 
-def broken(runs: list[Run], laws: tuple[str, ...] = ()) -> list[str]:
+def broken(runs: list[Assessed], laws: tuple[str, ...] = ()) -> list[str]:
     """The limits that runs break, of some laws or all, and what to type to see the worst."""
     rows = [judged(row, ()) for row in rows_of_runs(runs)]
     failed = [
@@ -78,7 +80,7 @@ def broken(runs: list[Run], laws: tuple[str, ...] = ()) -> list[str]:
 
 
 @cache
-def few(profile: str) -> list[Run]:
+def few(profile: str) -> list[Assessed]:
     """The scenes of every run of the tests."""
     return played(profile, range(QUICK_SCENES), FEW_BODIES)
 
@@ -207,7 +209,7 @@ def test_light_bodies_in_a_heap_do_not_sink(profile: str, seed: int, perturbatio
 
     Before, these heaps overlapped by 6 um to 1.4 mm, and one gained 7e-4 of its energy in a frame.
     """
-    task = Task("reference", Settings(profile, FRAME), seed, perturbation=perturbation)
+    task = SeededTask("reference", Settings(profile, FRAME), seed, perturbation=perturbation)
     assert broken([(task, assess(reference(), task.scenario, task.settings, EXACT))]) == []
 
 
@@ -250,7 +252,9 @@ def test_a_rounding_apart_ends_in_the_same_class(profile: str) -> None:
     QUICK_PART.
     """
     own = few(profile)
-    asked = [Task("reference", Settings(profile, FRAME), task.seed, perturbation=1e-16) for task, _ in own]
+    asked = [
+        SeededTask("reference", Settings(profile, FRAME), task.seed, perturbation=1e-16) for task, _ in own
+    ]
     there = [assess(reference(), task.scenario, task.settings, EXACT).outcome for task in asked]
     differ = [
         line(task)

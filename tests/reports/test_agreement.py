@@ -11,12 +11,13 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from touchstone.adapters.workers.children import Outcome
+from touchstone.adapters.contract import Unsupported
 from touchstone.reports.output_folder import OutputError
 from touchstone.reports.results import COLUMNS
-from touchstone.reports.studies.agreement import study as agreement
-from touchstone.reports.studies.agreement.study import LADDER, SCENES, Course, NoTruth, order_of, run
-from touchstone.reports.studies.agreement.table import show
+from touchstone.reports.studies import agreement, study
+from touchstone.reports.studies.agreement import LADDER, SCENES, Trajectory, order_of, run, show
+from touchstone.reports.studies.study import RefusedError
+from touchstone.reports.studies.tasks import Task, refusable
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 
@@ -24,43 +25,30 @@ ORDERS = {"reference": (0.0, inf), "dart": (0.0, 1.0), "bullet": (0.0, 2.0), "mu
 """Per engine the error [m] that no step mends, and the order at which the rest vanishes."""
 
 
-class Player:
-    """In place of the children: the truth, off to the side by the model's error and by dt to the order."""
-
-    def __init__(self, recording, refuse: str = "", above: float = 0.0) -> None:
-        self._recording, self._refuse, self._above = recording, refuse, above
-
-    def __enter__(self) -> Player:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def play(self, jobs, progress):
-        outcomes = []
-        for job in jobs:
-            if job.engine == self._refuse and job.settings.dt > self._above:
-                outcomes.append(Outcome(job, "skipped", "cannot"))
-                continue
-            still = self._recording(job.scenario)
-            position = still.position.copy()
-            model, order = ORDERS[job.engine]
-            for truth in job.scenario.truths:
-                body = job.scenario.body_index(truth.body)
-                position[:, body] = motion(job.scenario, truth, still.time).position
-                position[1:, body, 0] += model + job.settings.dt**order
-            self._recording(job.scenario, position=position).save(job.recording)
-            outcomes.append(Outcome(job, "done"))
-        return outcomes
-
-
 @pytest.fixture
 def played(recordings: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    """Run the study on the falling ball with a player."""
+    """Run the study on the falling ball: engines play the truth, off to the side by the model's error and by
+    dt to the order; one refuses steps above a length."""
 
-    def play(**options: str | float) -> pd.DataFrame:
-        monkeypatch.setattr(agreement, "installed", lambda engine: True)
-        monkeypatch.setattr(agreement, "Children", lambda **_: Player(recordings.recording, **options))
+    def play(refuse: str = "", above: float = 0.0) -> pd.DataFrame:
+        def record(task: Task, engine: None) -> object:
+            if task.engine == refuse and task.settings.dt > above:
+                raise Unsupported("cannot")
+            still = recordings.recording(task.scenario)
+            position = still.position.copy()
+            model, order = ORDERS[task.engine]
+            for truth in task.scenario.truths:
+                body = task.scenario.body_index(truth.body)
+                position[:, body] = motion(task.scenario, truth, still.time).position
+                position[1:, body, 0] += model + task.settings.dt**order
+            return recordings.recording(task.scenario, position=position)
+
+        monkeypatch.setattr(Task, "record", record)
+        for module in (agreement, study):
+            monkeypatch.setattr(module, "installed", lambda engine: True)
+        monkeypatch.setattr(
+            agreement, "played", lambda play, tasks, *_: [refusable(play, None, t) for t in tasks]
+        )
         return run([catalogue()["fall"]], tmp_path / "out", lambda label, count: None)
 
     return play
@@ -137,14 +125,14 @@ def test_a_used_folder_is_refused(tmp_path: Path) -> None:
 def test_scenes_have_a_closed_form(tmp_path: Path) -> None:
     """Play scenes with a truth by default, and refuse others with the valid ones."""
     assert all(catalogue()[name].truths for name in SCENES)
-    with pytest.raises(NoTruth, match=r"no closed form for ball_snip; valid: .*fall"):
+    with pytest.raises(RefusedError, match=r"no closed form for ball_snip; valid: .*fall"):
         run([catalogue()["ball_snip"]], tmp_path / "out", lambda label, count: None)
 
 
 def test_limits_of_turns_are_extrapolated() -> None:
     """Find the limit of positions and turns whose error is proportional to the step."""
     fine, coarse = (
-        Course(np.full((1, 1, 3), 1 + h), np.array([[[np.cos(h / 2), np.sin(h / 2), 0.0, 0.0]]]))
+        Trajectory(np.full((1, 1, 3), 1 + h), np.array([[[np.cos(h / 2), np.sin(h / 2), 0.0, 0.0]]]))
         for h in (0.1, 0.2)
     )
     limit = fine.limit(coarse, 1.0)
@@ -157,4 +145,4 @@ def test_the_table_tells_all(played, capsys: pytest.CaptureFixture[str]) -> None
     show(played(refuse="dart"), Console(width=120, force_terminal=False))
     text = capsys.readouterr().out
     assert "mujoco*" in text
-    assert "skipped: fall: dart: cannot" in text
+    assert "skipped: dart recommended fall: cannot" in text

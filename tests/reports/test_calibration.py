@@ -14,20 +14,34 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ACCURATE, ENGINES, Entry
 from touchstone.reports.results import COLUMNS
-from touchstone.reports.studies.calibration.children import motion_of
-from touchstone.reports.studies.calibration.estimates import (
+from touchstone.reports.studies.calibration.probes import (
+    DROP,
+    HEIGHT,
+    SHAPES,
+    SLIDE_TIME,
+    G,
+    Probe,
     friction_of,
     lowest_speed,
+    motion_of,
     rebound_of,
     restitution_of,
+    scene,
 )
-from touchstone.reports.studies.calibration.findings import findings, report
 from touchstone.reports.studies.calibration.rows import subject_of
-from touchstone.reports.studies.calibration.scenes import DROP, HEIGHT, SHAPES, SLIDE_TIME, G, Probe, scene
-from touchstone.reports.studies.calibration.study import Grid, jobs_of, run, steps
-from touchstone.reports.studies.calibration.table import NOTES, Values, grids, remarks
+from touchstone.reports.studies.calibration.study import (
+    NOTES,
+    Requested,
+    Values,
+    failure_lines,
+    findings,
+    grids,
+    report,
+    run,
+    tasks,
+)
 
-TINY = Grid(
+TINY = Requested(
     pairs=("sphere-box", "box-box"),
     restitutions=(0.0, 0.5),
     speeds=(0.1, 2.0),
@@ -164,9 +178,9 @@ def test_slides_turn_with_their_heading() -> None:
 
 def test_the_whole_grid_is_played() -> None:
     """Play every restitution, friction and rung under every profile, and other steps under the first."""
-    grid = Grid()
-    jobs = jobs_of("bullet", ["recommended", "accurate"], grid)
-    assert len(jobs) == steps((("bullet", "recommended"), ("bullet", "accurate")), grid)
+    grid = Requested()
+    found = tasks((("bullet", "recommended"), ("bullet", "accurate")), grid)
+    jobs = [(task.settings, task.probe) for task in found]
     asked = {(s.profile, p.pair, p.kind, p.requested) for s, p in jobs if p.kind not in ("drop", "lowest")}
     wanted = {("restitution", e) for e in grid.restitutions} | {("friction", mu) for mu in grid.frictions}
     assert asked == {(f, pair, *w) for f in ("recommended", "accurate") for pair in SHAPES for w in wanted}
@@ -260,7 +274,7 @@ def test_an_engine_that_fails_is_one_row(tmp_path: Path) -> None:
     rows = frame[frame.metric == "run"]
     assert rows[["engine", "profile", "verdict"]].to_numpy().tolist() == [["mujoco", ACCURATE, "error"]]
     assert rows.reason.iloc[0].startswith("AttributeError")
-    assert remarks(frame) == [f"error: mujoco accurate: {rows.reason.iloc[0]}"]
+    assert failure_lines(frame) == [f"error: mujoco accurate: {rows.reason.iloc[0]}"]
 
 
 def test_a_probe_that_is_refused_is_one_row(tmp_path: Path) -> None:
@@ -279,7 +293,7 @@ def test_the_terminal_shows_asked_beside_achieved(results) -> None:
     """Print a row per column under the values asked for, and the reason of a skipped engine."""
     from rich.console import Console
 
-    from touchstone.reports.studies.calibration.show import show
+    from touchstone.reports.studies.calibration.study import show
 
     frame = results[0]
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115

@@ -12,9 +12,8 @@ from rich.console import Console
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.workers.variants import Pace, Variant, play
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.effects import study as effects
-from touchstone.reports.studies.effects import table as effects_table
-from touchstone.reports.studies.effects.study import ALL, IDENTICAL, MATTERS, WITHIN
+from touchstone.reports.studies import effects
+from touchstone.reports.studies.effects import ALL, IDENTICAL, MATTERS, WITHIN
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
 
@@ -59,7 +58,7 @@ def test_outcomes_in_words(reported: dict[str, object], word: str) -> None:
     """Tell what is identical from what is within tolerance, and both from what matters."""
     rows = effects.rows_of_variants(BASE, {"": variant(1e-6), "-gravity": variant(1e-6, **reported)})
     moved = by_metric(rows)["effects.moved", "-gravity"]
-    assert effects_table.outcome(moved) == word
+    assert effects.outcome(moved) == word
 
 
 def test_a_variant_that_ends_is_told() -> None:
@@ -119,10 +118,8 @@ def test_the_study_as_a_whole(tmp_path: Path) -> None:
             rows[scene, "reference", "time.saved", ALL].low
             <= rows[scene, "reference", "time.saved", ALL].high
         )
-    marks = [
-        effects_table.mark(rows, "bounce_e05", effect) for effect in ("gravity", "restitution", "attraction")
-    ]
+    marks = [effects.mark(rows, "bounce_e05", effect) for effect in ("gravity", "restitution", "attraction")]
     assert marks == ["M", "M", "."]
     with (tmp_path / "table.txt").open("w") as file:
-        effects_table.show(frame, Console(file=file, width=112))
+        effects.show(frame, Console(file=file, width=112))
     assert "identical" in (tmp_path / "table.txt").read_text()

@@ -32,14 +32,12 @@ def test_an_interruption_is_not_swallowed(tmp_path):
 
 def test_a_study_keeps_its_rows_without_a_picture(tmp_path, monkeypatch, capsys):
     """Rows and manifest of a study are saved although its page and its picture fail."""
-    from touchstone.reports.studies.calibration import findings
-    from touchstone.reports.views import pictures
 
     def broken(*_):
         raise RuntimeError("no fonts")
 
-    monkeypatch.setattr(findings, "report", broken)
-    monkeypatch.setattr(pictures, "requested_and_achieved", broken)
+    monkeypatch.setattr(study, "report", broken)
+    monkeypatch.setattr(study, "requested_and_achieved", broken)
     study.run((), tmp_path / "out", lambda label, steps: None)
     assert sorted(path.name for path in (tmp_path / "out").iterdir() if path.is_file()) == [
         "manifest.json",

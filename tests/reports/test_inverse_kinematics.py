@@ -13,18 +13,18 @@ from rich.console import Console
 
 from touchstone.reports.cli import main as cli
 from touchstone.reports.results import table
-from touchstone.reports.studies.inverse_kinematics.study import (
+from touchstone.reports.studies.inverse_kinematics import (
     CCD,
     NEAR,
     SOLVERS,
     STARTS,
     Arm,
-    GoalsError,
     draw,
     rows,
     run,
+    show,
 )
-from touchstone.reports.studies.inverse_kinematics.table import show
+from touchstone.reports.studies.study import RefusedError
 
 GOALS = 40
 MEASURES = [("ik.missed", ""), ("ik.left", "max"), ("time.solve", "")]
@@ -89,7 +89,7 @@ def test_goals_and_starts_are_what_they_say() -> None:
 
 def test_no_goals_are_one_line() -> None:
     """Say what was found and expected."""
-    with pytest.raises(GoalsError, match=r"^--goals 0: expected at least 1$"):
+    with pytest.raises(RefusedError, match=r"^--goals 0: expected at least 1$"):
         rows(0, 0, silence)
 
 

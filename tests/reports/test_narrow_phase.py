@@ -11,9 +11,15 @@ import pytest
 from touchstone.adapters.detectors import DETECTORS, REFERENCE, Entry, load, missing_reason
 from touchstone.reports.output_folder import OutputError
 from touchstone.reports.results import COLUMNS
-from touchstone.reports.studies.narrow_phase.rows import Measured, depth_errors, normal_errors
-from touchstone.reports.studies.narrow_phase.study import PairsError, run, truth_of
-from touchstone.reports.studies.poses import FAMILIES, TOUCH, draw
+from touchstone.reports.studies.narrow_phase.poses import FAMILIES, TOUCH, draw
+from touchstone.reports.studies.narrow_phase.study import (
+    Answered,
+    depth_errors,
+    normal_errors,
+    run,
+    truth_of,
+)
+from touchstone.reports.studies.study import RefusedError
 
 PAIRS = 3 * len(FAMILIES)
 OTHER, ABSENT = "coal", "absent"
@@ -99,21 +105,23 @@ def test_the_terminal_shows_every_detector(results) -> None:
     """Print a row per detector and the reason of a skipped one."""
     from rich.console import Console
 
-    from touchstone.reports.studies.narrow_phase.table import show
+    from touchstone.reports.studies.narrow_phase.study import show
 
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
     show(results[0], console)
     text = console.export_text()
     for name in (REFERENCE, OTHER, *FAMILIES):
         assert f"{name} " in text
-    assert "missing: absent: not installed" in text
+    assert "missing: absent default: not installed" in text
     assert "…" not in text
 
 
 @pytest.mark.parametrize("pairs", [0, -3, len(FAMILIES) - 1])
 def test_too_few_pairs_are_one_line(pairs: int, tmp_path: Path) -> None:
     """Say what was found and expected, and write nothing."""
-    with pytest.raises(PairsError, match=rf"^--pairs {pairs}: expected at least 9, one per family of poses$"):
+    with pytest.raises(
+        RefusedError, match=rf"^--pairs {pairs}: expected at least 9, one per family of poses$"
+    ):
         run(pairs, 0, tmp_path / "out", silence)
     assert not list(tmp_path.iterdir())
 
@@ -136,7 +144,7 @@ def test_the_reference_is_exact(truth) -> None:
     batch = load(REFERENCE).prepare(truth.pairs)
     seconds = batch.ask()
     found = batch.answers()
-    mine = Measured(found.distance, found.normal, seconds, [], dict(found.failures), {})
+    mine = Answered(found.distance, found.normal, seconds, [], dict(found.failures), {})
     errors = depth_errors(truth, mine)
     small = truth.family == "size-ratio"
     assert errors[~small].max() <= EXACT
@@ -161,7 +169,7 @@ def test_families_are_what_they_say(truth) -> None:
 def test_missed_and_failed_count_apart(truth) -> None:
     """Count a contact that is not seen as distance 0, and a query that failed not at all."""
     n = len(truth.pairs)
-    nothing = Measured(np.full(n, np.nan), np.full((n, 3), np.nan), np.zeros(n), [], {}, {})
+    nothing = Answered(np.full(n, np.nan), np.full((n, 3), np.nan), np.zeros(n), [], {}, {})
     errors = depth_errors(truth, nothing)
     assert np.isnan(errors[truth.distance > 0]).all()
     deep = -truth.distance > 1e-3 * truth.size
@@ -178,6 +186,6 @@ def test_an_equally_deep_face_is_no_error(truth) -> None:
     n = len(truth.pairs)
     normal = np.full((n, 3), np.nan)
     normal[k] = -truth.normal[k]
-    mine = Measured(truth.distance.copy(), normal, np.zeros(n), [], {}, {})
+    mine = Answered(truth.distance.copy(), normal, np.zeros(n), [], {}, {})
     # a piece in its twin is as wide to one side as to the other
     assert np.nanmax(normal_errors(truth, mine)) <= 1e-12

@@ -13,8 +13,8 @@ from rich.console import Console
 from touchstone.adapters.contract import AdapterError
 from touchstone.reports.docs.measurements import page_of
 from touchstone.reports.studies.paper import claims
-from touchstone.reports.studies.paper.claim import CLAIMS
-from touchstone.reports.studies.paper.series import (
+from touchstone.reports.studies.paper.claims import (
+    CLAIMS,
     PAIRS,
     PASSES,
     Series,
@@ -24,8 +24,7 @@ from touchstone.reports.studies.paper.series import (
     runs,
     thirds,
 )
-from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, run
-from touchstone.reports.studies.paper.table import show
+from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, run, show
 
 RATE, COUNT = 60, 480
 FREE, HIGH = 4e-6, 8e-6
@@ -198,7 +197,7 @@ def test_scenes_that_fail_are_told(tmp_path) -> None:
     assert set(frame[frame.metric == CLAIM].verdict) == {"skipped"}
     console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
     show(frame, console)
-    assert "error: table_slide: reference: broken" in console.export_text()
+    assert "error: reference paper, effects=all table_slide: reference: broken" in console.export_text()
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,7 @@ from fake_world import FakeWorld
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import load
-from touchstone.reports.studies.relations.play import NAMES, SPLIT, Task, _rescaled, compare
-from touchstone.reports.studies.relations.study import HELD, rows_of_task
+from touchstone.reports.studies.relations import HELD, NAMES, SPLIT, Task, _rescaled, compare, rows_of_task
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.relations.changes import rescaled
 from touchstone.scenarios.relations.table import RELATIONS

@@ -13,11 +13,19 @@ from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.studies.robustness import study as study
-from touchstone.reports.studies.robustness.picture import rise_over_residual
-from touchstone.reports.studies.robustness.play import Task, assess
-from touchstone.reports.studies.robustness.study import ALL, line, run, table_of_runs, tasks
-from touchstone.reports.studies.robustness.table import short, show
+from touchstone.reports.results import table
+from touchstone.reports.studies.robustness import study
+from touchstone.reports.studies.robustness.play import SeededTask, assess
+from touchstone.reports.studies.robustness.study import (
+    ALL,
+    line,
+    rise_over_residual,
+    run,
+    short,
+    show,
+    table_of_runs,
+    tasks,
+)
 from touchstone.reports.verdict.figures import available_energy
 from touchstone.reports.verdict.random_outcomes import EXACT, lowest_points
 from touchstone.scenarios.random_scenes import random_scene
@@ -108,7 +116,7 @@ def test_momentum_of_isolated_scenes_is_judged(fakes):
 def test_a_study_outlives_those_that_hang_or_die(fakes, tmp_path):
     """Count a hang and a death, replace the process, and play the others."""
     names = ("rests", "hangs", "dies", "rests", "unsupported", "explodes")
-    asked = [Task(name, SETTINGS, TOWER + k) for k, name in enumerate(names)]
+    asked = [SeededTask(name, SETTINGS, TOWER + k) for k, name in enumerate(names)]
     reported = []
     frame = run([], asked, tmp_path / "out", lambda label, steps: reported.append(steps), fakes, patience=8.0)
     assert sum(reported) == len(asked)
@@ -126,7 +134,7 @@ def test_limits_hold_for_the_reference_alone(fakes):
     found = [
         assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("explodes", "rests", "stalls")
     ]
-    tasks_of = {e: [Task(e, SETTINGS, TOWER)] * 3 for e in ("reference", "dart")}
+    tasks_of = {e: [SeededTask(e, SETTINGS, TOWER)] * 3 for e in ("reference", "dart")}
     for engine, asked in tasks_of.items():
         rows = [study.judged(row, ()) for row in study.rows_of_runs(list(zip(asked, found)))]
         verdicts = {row.metric: row.verdict for row in rows if row.scenario == ALL}
@@ -143,7 +151,7 @@ def test_limits_hold_for_the_reference_alone(fakes):
 
 def test_a_line_names_all_that_a_run_was():
     """Repeat engine, profile, seed, kind and perturbation."""
-    task = Task("dart", Settings("accurate", 1e-3), 7, "heap", 1e-16)
+    task = SeededTask("dart", Settings("accurate", 1e-3), 7, "heap", 1e-16)
     assert line(task) == (
         "touchstone study robustness --scenes 1 --seed 7 --engine dart --profile accurate "
         "--kind heap --perturbation 1e-16"
@@ -163,10 +171,10 @@ def test_tasks_are_seeds_per_column():
 
 def test_what_is_shown(fakes, capsys):
     """Print a table per column with the classes that occur, the limits that broke and the worst runs."""
-    asked = [Task("reference", SETTINGS, TOWER)] * 2
+    asked = [SeededTask("reference", SETTINGS, TOWER)] * 2
     found = [assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("explodes", "rests")]
     rows = [study.judged(row, ()) for row in study.rows_of_runs(list(zip(asked, found)))]
-    show(study.table(rows), Console(width=120, force_terminal=False))
+    show(table(rows), Console(width=120, force_terminal=False))
     text = capsys.readouterr().out
     assert "robustness: reference, balanced" in text
     assert "limit broken: reference balanced: robustness.exploded" in text
@@ -176,7 +184,7 @@ def test_what_is_shown(fakes, capsys):
 
 def test_the_picture_is_drawn_of_few_or_none(fakes, tmp_path):
     """Draw runs without residual, without rise, and no runs at all."""
-    asked = [Task("reference", SETTINGS, TOWER)] * 2
+    asked = [SeededTask("reference", SETTINGS, TOWER)] * 2
     found = [assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("silent", "not finite")]
     runs = table_of_runs(list(zip(asked, found)))
     for k, part in enumerate((runs, runs[:0])):

@@ -8,22 +8,31 @@ from rich.console import Console
 from tests.reports.verdict.fake_engines import Engine
 from touchstone.adapters.contract import Settings
 from touchstone.reports.results import CONSTRUCTION, table
-from touchstone.reports.studies.stability.cells import STEPS, Plan, chosen, own_step
-from touchstone.reports.studies.stability.measure import play_all
-from touchstone.reports.studies.stability.picture import LOOKS, envelope_picture, step_picture
-from touchstone.reports.studies.stability.play import Cell, Played, play_scenario
-from touchstone.reports.studies.stability.rows import (
-    CONTAINED,
-    LEVELS,
-    OUTCOME,
-    STEP,
-    results_of,
-    rows_of,
-    silent_lines,
-    table_of_cells,
+from touchstone.reports.studies.stability.play import (
+    STEPS,
+    Played,
+    Scope,
+    chosen,
+    hard_cell,
+    line_of,
+    play_all,
+    play_scenario,
 )
 from touchstone.reports.studies.stability.sheet import drawn, write_sheets
-from touchstone.reports.studies.stability.table import family_rows, show
+from touchstone.reports.studies.stability.study import (
+    CONTAINED,
+    LEVELS,
+    LOOKS,
+    OUTCOME,
+    STEP,
+    Envelope,
+    envelope_picture,
+    rows_of_envelope,
+    show,
+    step_picture,
+    table_of_cells,
+)
+from touchstone.reports.studies.tasks import own_step
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, Outcome
 from touchstone.scenarios.difficulty.family import families, hard_names, hard_scene
 
@@ -32,41 +41,41 @@ COLUMNS = (("reference", "balanced"), ("bullet", "recommended"))
 
 def results(quick=False, **fails):
     """Results of two families in which cells fail that `fails` names: family_engine = (level, class)."""
-    plan = Plan(COLUMNS, chosen(["wedge", "tiles"]), quick)
+    scope = Scope(COLUMNS, chosen(["wedge", "tiles"]), quick)
     played = {}
-    for cell in plan.cells():
-        family, level = hard_names()[cell.scene]
+    for cell in scope.cells():
+        family, level = hard_names()[cell.scenario]
         at, name = fails.get(f"{family.name}_{cell.engine}", (None, "ok"))
         outcome = Outcome(name, "why") if level == at else Outcome("ok")
-        played[cell] = Played(outcome, cell.line)
-    return results_of(plan, played)
+        played[cell] = Played(outcome, line_of(cell))
+    return Envelope(scope, played)
 
 
 def test_every_step_of_every_level_is_played():
     """All levels at the own step and at STEPS, or three levels at the own step."""
     full, quick = results(), results(quick=True)
-    steps = {cell.settings.dt for cell in full.played}
+    steps = {cell.dt for cell in full.played}
     assert steps == {1 / 60, *STEPS}
-    levels = sum(len(family.levels) for family in full.plan.families)
+    levels = sum(len(family.levels) for family in full.scope.families)
     assert len(full.played) == levels * (4 + 3)  # Bullet's own step is one of STEPS
-    assert {cell.settings.dt for cell in quick.played} == {1 / 60, 1 / 240}
+    assert {cell.dt for cell in quick.played} == {1 / 60, 1 / 240}
     assert len(quick.played) == 2 * 3 * 2
 
 
 def test_the_line_plays_a_cell():
     """The command names scene, engine, profile and step."""
-    cell = Cell("hard_wedge_90", "mujoco", Settings("recommended", 1 / 540))
-    assert cell.line == "touchstone run hard_wedge_90 --engine mujoco --profile recommended --dt 1/540"
+    cell = hard_cell("hard_wedge_90", "mujoco", "recommended", 1 / 540)
+    assert line_of(cell) == "touchstone run hard_wedge_90 --engine mujoco --profile recommended --dt 1/540"
 
 
 def test_survival_ends_at_the_first_failure():
     """A level counts only if all easier ones survive."""
     found = results(wedge_reference=(45.0, "jitter"))
     wedge = families()["wedge"]
-    assert found.survived(wedge, "reference", "balanced", 1 / 60) == (90.0, "jitter")
-    assert found.survived(wedge, "bullet", "recommended", 1 / 240) == (1.0, "")
+    assert found.survived(wedge, ("reference", "balanced")) == (90.0, "jitter")
+    assert found.survived(wedge, ("bullet", "recommended")) == (1.0, "")
     first = results(wedge_reference=(170.0, "exploded"))
-    assert first.survived(wedge, "reference", "balanced", 1 / 60) == (None, "exploded")
+    assert first.survived(wedge, ("reference", "balanced")) == (None, "exploded")
 
 
 @pytest.mark.parametrize(
@@ -80,7 +89,7 @@ def test_survival_ends_at_the_first_failure():
 )
 def test_containment_counts_levels_that_only_others_survive(fails, share, verdict):
     """A family is not contained where an engine survives a level that the reference does not."""
-    (row,) = (row for row in rows_of(results(**fails)) if row.metric == CONTAINED)
+    (row,) = (row for row in rows_of_envelope(results(**fails)) if row.metric == CONTAINED)
     assert (row.value, row.verdict) == (share, verdict)
     assert ("tiles" in row.reason) == (share < 1)
 
@@ -89,11 +98,10 @@ def test_a_silent_failure_of_the_reference_breaks_a_limit():
     """Announced failures pass, silent ones fail with the command that plays them; engines are not judged."""
     for name, verdict in (("creep", "fail"), ("gave up", "pass"), ("slow", "pass")):
         found = results(tiles_reference=(1.0, name), tiles_bullet=(1.0, "exploded"))
-        rows = [row for row in rows_of(found) if row.metric == OUTCOME and row.subject == name]
+        rows = [row for row in rows_of_envelope(found) if row.metric == OUTCOME and row.subject == name]
         assert {row.verdict for row in rows} == {verdict}
         assert all(row.reproduce.startswith("touchstone run hard_tiles_1 ") for row in rows)
-        assert len(silent_lines(found)) == (4 if verdict == "fail" else 0)
-        assert {row.verdict for row in rows_of(found) if row.engine == "bullet"} == {""}
+        assert {row.verdict for row in rows_of_envelope(found) if row.engine == "bullet"} == {""}
 
 
 def test_reading_is_not_the_engines_time():
@@ -108,8 +116,10 @@ def test_a_family_without_a_simulated_body_is_marked():
     posed = {name for name, family in families().items() if family.posed}
     assert {"coupling", "mass_links"} < posed
     assert "tiles" not in posed
-    plan = Plan(COLUMNS, chosen(["coupling", "tiles"]), quick=True)
-    rows = rows_of(results_of(plan, {cell: Played(Outcome("ok"), cell.line) for cell in plan.cells()}))
+    scope = Scope(COLUMNS, chosen(["coupling", "tiles"]), quick=True)
+    rows = rows_of_envelope(
+        Envelope(scope, {cell: Played(Outcome("ok"), line_of(cell)) for cell in scope.cells()})
+    )
     marked = {
         (row.engine, row.scenario) for row in rows if row.basis == CONSTRUCTION and row.metric == LEVELS
     }
@@ -123,7 +133,7 @@ def test_tables_and_pictures_show_every_class(tmp_path):
     """Every class has a look; table, CSV and pictures take all of them."""
     assert set(LOOKS) == {*HARD_CLASSES, ""}
     found = results(tiles_reference=(16.0, "exploded"), wedge_bullet=(1.0, "skipped"))
-    frame = table(rows_of(found))
+    frame = table(rows_of_envelope(found))
     assert set(frame.metric) == {OUTCOME, LEVELS, STEP, CONTAINED}
     out = Console(width=140, record=True)
     show(frame, out)
@@ -134,12 +144,11 @@ def test_tables_and_pictures_show_every_class(tmp_path):
     envelope_picture(found, tmp_path / "all.png")
     step_picture(found, families()["tiles"], tmp_path / "one.png")
     assert (tmp_path / "all.png").stat().st_size > 10_000
-    assert len(family_rows()) == len(families())
 
 
 def test_a_store_plays_nothing_twice(tmp_path):
     """A second study takes every cell from the store, with the same figures."""
-    cells = [Cell("hard_wedge_90", "reference", Settings("balanced", own_step("reference", "balanced")))]
+    cells = [hard_cell("hard_wedge_90", "reference", "balanced", own_step("reference", "balanced"))]
     first = play_all(cells, tmp_path, lambda label, count: None, jobs=1)
     lines = []
     again = play_all(cells, tmp_path, lambda label, count: lines.append(label), jobs=1)
@@ -160,8 +169,8 @@ def test_cells_for_the_eye_are_drawn_at_random_and_repeat():
 
 def test_sheets_show_runs_without_their_classes(tmp_path):
     """The picture has a tile for each cell; its class and its command stand in a file of their own."""
-    cell = Cell("hard_needle_5", "reference", Settings("balanced", 1 / 60), 5.0)
-    played = {cell: Played(Outcome("ok"), cell.line)}
+    cell = hard_cell("hard_needle_5", "reference", "balanced", 1 / 60, 5.0)
+    played = {cell: Played(Outcome("ok"), line_of(cell))}
     frame = write_sheets(played, 60, 0, tmp_path / "sheet", lambda label, cells: None)
     assert frame[["number", "scene", "outcome"]].values.tolist() == [[1, "hard_needle_5", "ok"]]
     assert sorted(path.name for path in (tmp_path / "sheet").iterdir()) == ["sheet-1.png", "sheet.csv"]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.cheapest import limits_of, margins, words_of
+from touchstone.reports.cli.cheapest import limits_of, margins, setting_row, words_of
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     LIMIT_BROKEN,
@@ -31,8 +31,8 @@ from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from touchstone.reports.studies.tuning.search import Asked, Found
-    from touchstone.reports.studies.work_precision.cheapest import Setting
+    from touchstone.reports.studies.tuning import Asked, Found
+    from touchstone.reports.studies.work_precision.cheapest import MeasuredSetting
     from touchstone.scenarios.scenario import Scenario
 
 PLAYS, QUICK_PLAYS = 240, 60
@@ -69,7 +69,8 @@ def tune(
     Exit code 1: no setting reaches the limits; the nearest is printed.
     """
     from touchstone.adapters.contract import AdapterError
-    from touchstone.reports.studies.tuning.search import Asked, NotMeasured, Search
+    from touchstone.reports.studies.study import RefusedError
+    from touchstone.reports.studies.tuning import Asked, Search
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.sweep.dask_pool import ClusterError, DaskPool
     from touchstone.reports.sweep.store import StoreError
@@ -98,7 +99,7 @@ def tune(
         print(line, file=sys.stderr, flush=True)
     with (
         resumable(store),
-        measuring(tried * len(chosen), quiet, StoreError, ClusterError, NotMeasured) as progress,
+        measuring(tried * len(chosen), quiet, StoreError, ClusterError, RefusedError) as progress,
     ):
         found = Search(asked, progress).run()
     try:
@@ -136,7 +137,7 @@ def scenes_of(scenario: str, tag: str, allow_paths: bool) -> dict[str, Scenario]
 
 def cost_lines(asked: Asked) -> list[str]:
     """What is about to be played."""
-    from touchstone.reports.studies.tuning.search import Search
+    from touchstone.reports.studies.tuning import Search
 
     seconds = sum(scenario.duration for scenario in asked.scenes.values())
     truths = len(Search(asked, lambda label, cells: None).truths)
@@ -177,13 +178,13 @@ def lines(asked: Asked, found: Found, pasted: list[str]) -> list[str]:
     return text
 
 
-def compared(one: Setting, best: Setting, limits: Mapping[str, float]) -> str:
+def compared(one: MeasuredSetting, best: MeasuredSetting, limits: Mapping[str, float]) -> str:
     """Errors and time of a setting, and over those of the best."""
     from math import isfinite
 
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
-    from touchstone.reports.studies.work_precision.table import number
+    from touchstone.reports.studies.work_precision.study import number
 
     if not isfinite(one.excess):
         return "does not play to the end, or lets bodies pass through each other"
@@ -197,23 +198,13 @@ def compared(one: Setting, best: Setting, limits: Mapping[str, float]) -> str:
 
 
 def rows(asked: Asked, found: Found, pasted: list[str]) -> list[dict[str, object]]:
-    """The best setting, its ablation and the profiles, a row each, with errors, limits and times [SI]; an
-    infinite error is None: JSON has none."""
+    """The best setting, its ablation and the profiles, a row each (`setting_row`)."""
     from math import isfinite
 
     places = [("best" if found.met else "nearest", found.best), *found.ablation.items()]
     places += [("profile", one) for one in found.profiles]
-    table: list[dict[str, object]] = []
-    for place, one in places:
-        row: dict[str, object] = {"place": place, "engine": one.engine, "profile": one.profile}
-        row |= {
-            "settings": one.settings,
-            "dt": one.dt,
-            "excess": one.excess if isfinite(one.excess) else None,
-        }
-        row |= {"time": one.time, "time_low": one.time_low, "time_high": one.time_high}
-        row |= {f"error {name}": v if isfinite(v) else None for name, v in one.errors.items()}
-        row |= {f"limit {name}": limit for name, limit in asked.limits.items()}
-        row |= {"command": one.command, "paste": "\n".join(pasted) if one is found.best else ""}
-        table.append(row)
-    return table
+    return [
+        setting_row(place, one, asked.limits, excess=one.excess if isfinite(one.excess) else None)
+        | {"paste": "\n".join(pasted) if one is found.best else ""}
+        for place, one in places
+    ]

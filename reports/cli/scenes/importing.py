@@ -62,8 +62,7 @@ def import_robot(
 
 def _check(folders: list[Path], out: Path, allow_paths: bool, output: Format, quiet: bool) -> None:
     require_judge()
-    from touchstone.reports.studies.robots.study import SUFFIXES, robots_below, run
-    from touchstone.reports.studies.robots.table import show
+    from touchstone.reports.studies.robots import SUFFIXES, robots_below, run, show
 
     for folder in folders:
         if not folder.is_dir():
@@ -118,7 +117,7 @@ def _tell_check(robot: Path, found, allow_paths: bool, quiet: bool) -> None:  # 
     from touchstone.adapters.oracles.robot_file import EQUAL
     from touchstone.adapters.robots.robot_error import RobotError
     from touchstone.adapters.robots.source import compiled
-    from touchstone.reports.studies.robots.study import checked, verdict_line
+    from touchstone.reports.studies.robots import checked, verdict_line
 
     try:
         off = checked(robot, found, allow_paths)

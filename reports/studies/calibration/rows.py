@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from math import isnan, nan
 
 import numpy as np
 
-from touchstone.adapters.contract import Array, Settings
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.contract import Array
 from touchstone.reports.results import Row
-from touchstone.reports.studies.calibration.children import Motion
-from touchstone.reports.studies.calibration.estimates import (
+from touchstone.reports.studies.calibration.probes import (
     BOUNCES,
+    DROP,
+    G,
+    Probe,
+    ProbeMotion,
+    ProbeTask,
     friction_of,
     lowest_speed,
     rebound_of,
     restitution_of,
 )
-from touchstone.reports.studies.calibration.scenes import DROP, G, Probe
+from touchstone.reports.studies.tasks import Ended, own_step
 
 STUDY = "calibration"
 ALL = "all"
@@ -32,18 +36,6 @@ HOP_STEPS = 2
 """Least duration of a hop, to distinguish it from rest [steps]."""
 
 
-@dataclass(slots=True)
-class Measured:
-    """Results of an engine: motions per settings and probe; verdict and reason of probes that failed.
-    `ended`: verdict and reason of an engine that stopped."""
-
-    profiles: Sequence[str]
-    version: str = ""
-    motions: dict[tuple[Settings, Probe], Motion] = field(default_factory=dict)
-    failures: dict[tuple[Settings, Probe], tuple[str, str]] = field(default_factory=dict)
-    ended: tuple[str, str] | None = None
-
-
 def subject_of(kind: str, requested: float, value: float) -> str:
     """Subject of a row: the requested value, and the speed [m/s] or heading [degrees]."""
     if kind == "restitution":
@@ -51,39 +43,49 @@ def subject_of(kind: str, requested: float, value: float) -> str:
     return f"mu={requested:g} heading={value:g}"
 
 
-def rows_of_study(measured: Mapping[str, Measured]) -> list[Row]:
-    """Per engine the achieved values, the largest biases, gaps at rest, and failures."""
+def rows_of_engine(found: Sequence[tuple[ProbeTask, ProbeMotion | Ended]]) -> list[Row]:
+    """The achieved values of an engine, the largest biases, gaps at rest, and failures."""
     rows: list[Row] = []
-    for name, mine in measured.items():
-        found: list[Row] = []
-        for (settings, probe), motion in mine.motions.items():
-            base = Row(STUDY, probe.pair, name, settings.profile, settings.dt, "")
-            if probe.kind == "restitution":
-                level = _level(mine, settings, probe.pair)
-                found += _restitution(base, probe, _restitutions(probe, motion, settings.dt, level))
-            elif probe.kind == "friction":
-                found += _friction(base, probe, motion)
-            elif probe.kind == "drop":
-                found.append(_drop(base, motion))
-        rows += found + _largest(found) + _levels(name, mine) + _lowest(name, mine) + _failed(name, mine)
+    ended = [(task, one) for task, one in found if isinstance(one, Ended)]
+    motions = [(task, one) for task, one in found if isinstance(one, ProbeMotion)]
+    resting = {
+        _base(task): float(np.median(motion.gap[-1]))
+        for task, motion in motions
+        if (task.probe.kind, task.probe.requested) == ("restitution", 0.0)
+    }
+    ladders: dict[Row, list[tuple[float, float]]] = {}
+    for task, motion in motions:
+        base, probe = _base(task), task.probe
+        # never below 0: a body that rests deeper touched before
+        achieved = partial(_restitutions, probe, motion, base.dt, max(0.0, resting.get(base, 0.0)))
+        match probe.kind:
+            case "restitution":
+                rows += _restitution(base, probe, achieved())
+            case "lowest":
+                ladders.setdefault(base, []).extend(zip(probe.speeds, achieved()[:, 0].tolist()))
+            case "friction":
+                rows += _friction(base, probe, motion)
+            case "drop":
+                rows.append(_drop(base, motion))
+    rows += _largest(rows)
+    rows += [replace(base, metric="gap.rest", unit="m", value=level) for base, level in resting.items()]
+    rows += [_lowest(base, rungs) for base, rungs in ladders.items()]
+    if len({one for _, one in ended}) == 1 and not motions:  # the engine itself fails
+        profiles = dict.fromkeys(task.settings.profile for task, _ in ended)
+        ((first, one), *_) = ended
+        base = replace(_base(first), scenario=ALL, metric="run", verdict=one.status, reason=one.reason)
+        return [replace(base, profile=name, dt=own_step(base.engine, name)) for name in profiles]
+    for task, one in ended:
+        row = replace(_base(task), metric="run", subject=f"{task.probe.kind} {task.probe.requested:g}")
+        rows.append(replace(row, verdict=one.status, reason=one.reason))
     return rows
 
 
-def _failed(name: str, mine: Measured) -> list[Row]:
-    """Rows of failed probes, or of an engine that stopped."""
-    rows = []
-    for (settings, probe), (verdict, reason) in mine.failures.items():
-        row = Row(STUDY, probe.pair, name, settings.profile, settings.dt, "run")
-        subject = f"{probe.kind} {probe.requested:g}"
-        rows.append(replace(row, subject=subject, verdict=verdict, reason=reason))
-    if mine.ended is not None:
-        for profile in mine.profiles:
-            row = Row(STUDY, ALL, name, profile, ENGINES[name].profiles[profile], "run")
-            rows.append(replace(row, verdict=mine.ended[0], reason=mine.ended[1]))
-    return rows
+def _base(task: ProbeTask) -> Row:
+    return Row(STUDY, task.probe.pair, task.engine, task.settings.profile, task.settings.dt, "")
 
 
-def _restitutions(probe: Probe, motion: Motion, dt: float, level: float) -> Array:
+def _restitutions(probe: Probe, motion: ProbeMotion, dt: float, level: float) -> Array:
     """Achieved restitution per speed and phase; NaN where a hop is too short to measure."""
     bodies = zip(motion.gap.T, motion.velocity[..., 2].T)
     achieved = np.array([restitution_of(gap, rate, G, dt, level) for gap, rate in bodies])
@@ -111,34 +113,25 @@ def _restitution(base: Row, probe: Probe, achieved: Array) -> list[Row]:
     return rows
 
 
-def _lowest(name: str, mine: Measured) -> list[Row]:
-    """Per profile the lowest speed that bounces, from all rungs of the ladder."""
-    ladders: dict[Settings, list[tuple[float, float]]] = {}
-    for (settings, probe), motion in mine.motions.items():
-        if probe.kind == "lowest":
-            achieved = _restitutions(probe, motion, settings.dt, _level(mine, settings, probe.pair))
-            ladders.setdefault(settings, []).extend(zip(probe.speeds, achieved[:, 0].tolist()))
-    rows = []
-    for settings, rungs in ladders.items():
-        speeds, returned = np.array(sorted(rungs)).T
-        row = Row(STUDY, "sphere-box", name, settings.profile, settings.dt, "restitution.lowest")
-        row = replace(row, subject="e=1", unit="m/s", value=lowest_speed(speeds, returned))
-        if isnan(row.value):
-            reason = f"not even {speeds[-1]:.2f} m/s returns {BOUNCES:g} of e = 1"
-            rows.append(replace(row, verdict="skipped", reason=reason))
-        else:
-            rows.append(replace(row, reason=f"from here on at least {BOUNCES:g} of e = 1 is returned"))
-    return rows
+def _lowest(base: Row, rungs: Sequence[tuple[float, float]]) -> Row:
+    """The lowest speed that bounces, from all rungs of the ladder."""
+    speeds, returned = np.array(sorted(rungs)).T
+    lowest = lowest_speed(speeds, returned)
+    row = replace(base, metric="restitution.lowest", subject="e=1", unit="m/s", value=lowest)
+    if isnan(lowest):
+        reason = f"not even {speeds[-1]:.2f} m/s returns {BOUNCES:g} of e = 1"
+        return replace(row, verdict="skipped", reason=reason)
+    return replace(row, reason=f"from here on at least {BOUNCES:g} of e = 1 is returned")
 
 
-def _drop(base: Row, motion: Motion) -> Row:
+def _drop(base: Row, motion: ProbeMotion) -> Row:
     """Restitution after a fall from DROP for e = 1, and its range over the phases of a step."""
     values = [rebound_of(gap) for gap in motion.gap.T]
     row = replace(base, metric="restitution.drop", subject=f"e=1 h={DROP:g}", unit="1", reason="asked 1")
     return replace(row, value=values[0], low=min(values), high=max(values))
 
 
-def _friction(base: Row, probe: Probe, motion: Motion) -> list[Row]:
+def _friction(base: Row, probe: Probe, motion: ProbeMotion) -> list[Row]:
     rows = []
     for k, heading in enumerate(probe.headings):
         mu = friction_of(motion.velocity[:, k, :2], motion.surface[:, k, :2], G, base.dt)
@@ -153,25 +146,6 @@ def _friction(base: Row, probe: Probe, motion: Motion) -> list[Row]:
     return rows
 
 
-def _level(mine: Measured, settings: Settings, pair: str) -> float:
-    """Height at which bodies of a pair touch [m]: their height at rest for e = 0. Never below 0: a body that
-    rests deeper touched before."""
-    for (other, probe), motion in mine.motions.items():
-        if (other, probe.pair, probe.kind, probe.requested) == (settings, pair, "restitution", 0.0):
-            return max(0.0, float(np.median(motion.gap[-1])))
-    return 0.0
-
-
-def _levels(name: str, mine: Measured) -> list[Row]:
-    """Gap at rest per profile and pair."""
-    rows = []
-    for (settings, probe), motion in mine.motions.items():
-        if (probe.kind, probe.requested) == ("restitution", 0.0):
-            base = Row(STUDY, probe.pair, name, settings.profile, settings.dt, "gap.rest", unit="m")
-            rows.append(replace(base, value=float(np.median(motion.gap[-1]))))
-    return rows
-
-
 def _largest(found: Sequence[Row]) -> list[Row]:
     """Largest biases per profile and pair, and over all pairs; those of restitution from JUDGED_SPEED."""
     sizes: dict[tuple[str, str, float, str], list[float]] = {}
@@ -182,8 +156,7 @@ def _largest(found: Sequence[Row]) -> list[Row]:
             continue
         for pair in (row.scenario, ALL):
             sizes.setdefault((row.metric, row.profile, row.dt, pair), []).append(abs(row.value))
-    name = found[0].engine if found else ""
     return [
-        Row(STUDY, pair, name, profile, dt, LARGEST[metric], max(values), "1")
+        Row(STUDY, pair, found[0].engine, profile, dt, LARGEST[metric], max(values), "1")
         for (metric, profile, dt, pair), values in sizes.items()
     ]

@@ -6,30 +6,48 @@ motion. Adapters never read the results.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from itertools import zip_longest
+from math import isnan, nan
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, FuncFormatter
+from rich.console import Console
 
-from touchstone.adapters.contract import MISSING, Settings
-from touchstone.adapters.registry import ENGINES, installed, missing_reason
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.registry import ACCURATE, DEFAULT, ENGINES, installed, load
+from touchstone.adapters.workers.pool import Loader
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import illustrate, save, save_manifest, table
-from touchstone.reports.studies.calibration.children import Child, Loader, Motion
-from touchstone.reports.studies.calibration.rows import STUDY, Measured, rows_of_study
-from touchstone.reports.studies.calibration.scenes import SHAPES, Probe
+from touchstone.reports.results import rows_of
+from touchstone.reports.run.request import step_text
+from touchstone.reports.studies.calibration.probes import (
+    HEIGHT,
+    SHAPES,
+    G,
+    Probe,
+    ProbeMotion,
+    ProbeTask,
+    measure,
+)
+from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
+from touchstone.reports.studies.charts import figure, headline, open_axes
+from touchstone.reports.studies.study import Column, failure_lines, kept, missing_rows, print_failures
+from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.pictures import INK, PALE, color_of
+from touchstone.reports.views.terminal import print_notes, table_of
 
-Job = tuple[Settings, Probe]
 LADDER_PART = 26
 """Bodies of the ladder per scene: more would overflow an engine's log of contacts."""
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class Requested:
     """Requested values: restitutions at approach `speeds` [m/s], frictions at `headings` [degrees], a ladder
     of speeds for the lowest one that bounces, and e = 1 from a fall under several steps [1/s]."""
 
@@ -44,17 +62,20 @@ class Grid:
     drop_phases: tuple[float, ...] = tuple(k / 8 for k in range(8))
 
 
-def jobs_of(engine: str, profiles: Sequence[str], grid: Grid) -> list[Job]:
-    """The jobs of an engine; steps other than its own only under its first profile."""
-    jobs = []
-    for profile in profiles:
-        settings = Settings(profile, ENGINES[engine].profiles[profile])
-        jobs += [(settings, probe) for probe in probes_of(grid)]
+def tasks(columns: Sequence[Column], grid: Requested) -> list[ProbeTask]:
+    """All probes, engine by engine; steps other than an engine's own only under its first profile."""
+    found: list[ProbeTask] = []
     drop = Probe("sphere-box", "drop", 1.0, phases=grid.drop_phases)
-    return jobs + [(Settings(profiles[0], 1 / rate), drop) for rate in grid.steps]
+    for engine in dict.fromkeys(engine for engine, _ in columns):
+        profiles = [profile for name, profile in columns if name == engine]
+        for profile in profiles:
+            settings = Settings(profile, own_step(engine, profile))
+            found += [ProbeTask(engine, settings, probe) for probe in probes_of(grid)]
+        found += [ProbeTask(engine, Settings(profiles[0], 1 / rate), drop) for rate in grid.steps]
+    return found
 
 
-def probes_of(grid: Grid) -> list[Probe]:
+def probes_of(grid: Requested) -> list[Probe]:
     """The scenes of one column. Spheres meet the floor at every phase of a step, the others at its middle."""
     probes = []
     for pair in grid.pairs:
@@ -65,96 +86,414 @@ def probes_of(grid: Grid) -> list[Probe]:
     return probes + [Probe("sphere-box", "lowest", 1.0, speeds, (0.5,)) for speeds in parts]
 
 
-def steps(columns: Sequence[tuple[str, str]], grid: Grid) -> int:
-    """Number of progress steps of a run: its scenes."""
-    engines = {engine for engine, _ in columns}
-    return len(columns) * len(probes_of(grid)) + len(engines) * len(grid.steps)
-
-
 def run(
-    columns: Sequence[tuple[str, str]],
+    columns: Sequence[Column],
     out: Path,
     progress: Progress,
-    grid: Grid | None = None,
-    loader: Loader | None = None,
+    grid: Requested | None = None,
+    loader: Loader = load,
 ) -> pd.DataFrame:
     """Play all columns; store rows, picture, report and manifest. The folder appears complete or not at
     all."""
-    grid = grid or Grid()
+    grid = grid or Requested()
     with output_folder(out) as folder:
-        (folder / "output").mkdir()
-        measured = _measure(columns, grid, folder / "output", progress, loader)
-        progress("judge", 0)
-        frame = table(judged(row, ()) for row in rows_of_study(measured))
-        save(frame, folder)
-        _save_manifest(grid, measured, folder)
-        from touchstone.reports.studies.calibration.findings import report
-        from touchstone.reports.views.pictures import requested_and_achieved
-
-        illustrate(folder / "report.md", lambda part: part.write_text(report(frame), "utf-8"))
-        illustrate(folder / "calibration.png", lambda part: requested_and_achieved(frame, part))
-    return frame
-
-
-def _measure(
-    columns: Sequence[tuple[str, str]],
-    grid: Grid,
-    output: Path,
-    progress: Progress,
-    loader: Loader | None,
-) -> dict[str, Measured]:
-    """Play every engine in a child process of its own, all in parallel: nothing is timed."""
-    measured: dict[str, Measured] = {}
-    children: list[tuple[Child, list[Job]]] = []
-    for engine in dict.fromkeys(name for name, _ in columns):
-        profiles = [profile for name, profile in columns if name == engine]
-        jobs, mine = jobs_of(engine, profiles, grid), Measured(profiles)
-        measured[engine] = mine
-        if not installed(engine):
-            mine.ended = (MISSING, missing_reason(engine))
-            progress(engine, len(jobs))
-            continue
-        file = output / f"{engine}.txt"
-        children.append((Child(engine, file, loader) if loader else Child(engine, file), jobs))
-    try:
-        for child, _ in children:
-            child.send("load")
-        for child, _ in children:
-            progress(f"{child.name}: load", 0)
-            measured[child.name].version = child.receive() or ""
-        for round_ in zip_longest(*(jobs for _, jobs in children)):
-            _play(children, round_, measured, progress)
-        for child, _ in children:
-            measured[child.name].ended = child.failure
-    finally:
-        for child, _ in children:
-            child.stop()
-    return measured
+        asked = tasks([column for column in columns if installed(column[0])], grid)
+        found = list(zip(asked, played(measure, asked, folder / "output", progress, loader=loader)))
+        rows = missing_rows(STUDY, columns)
+        engines = {}
+        for engine in dict.fromkeys(engine for engine, _ in columns):
+            mine = [(task, one) for task, one in found if task.engine == engine]
+            rows += rows_of_engine(mine)
+            version = next((one.version for _, one in mine if isinstance(one, ProbeMotion)), "")
+            profiles = [profile for name, profile in columns if name == engine]
+            engines[engine] = {"version": version, "profiles": profiles}
+        facts = {"study": STUDY, "grid": asdict(grid), "engines": engines}
+        pictures = {"report.md": write_report, "calibration.png": requested_and_achieved}
+        return kept([judged(row, ()) for row in rows], folder, facts, pictures)
 
 
-def _play(
-    children: Sequence[tuple[Child, list[Job]]],
-    jobs: Sequence[Job | None],
-    measured: dict[str, Measured],
-    progress: Progress,
-) -> None:
-    """Play one scene per engine."""
-    asked = [(child, job) for (child, _), job in zip(children, jobs) if job is not None]
-    for child, (settings, probe) in asked:
-        child.send("play", (probe, settings))
-    for child, (settings, probe) in asked:
-        answer: Motion | tuple[str, str] | None = child.receive()
-        progress(f"{child.name} {settings.profile}", 1)
-        if isinstance(answer, Motion):
-            measured[child.name].motions[settings, probe] = answer
-        elif answer is not None:
-            measured[child.name].failures[settings, probe] = answer
+SHOWN_SPEED = 1.0
+"""Approach speed of the restitutions in the table [m/s]."""
+NOTES = (
+    f"asked: what a sphere at {SHOWN_SPEED:g} m/s returned; bias: largest |achieved - asked| from 1 m/s on",
+    "lowest: speed from which on a quarter of e = 1 is returned, or the least one tried",
+    "friction: mean over the coefficients asked; bias: the largest of a single one",
+)
 
 
-def _save_manifest(grid: Grid, measured: dict[str, Measured], folder: Path) -> None:
-    facts = {
-        "study": STUDY,
-        "grid": asdict(grid),
-        "engines": {name: {"version": m.version, "profiles": m.profiles} for name, m in measured.items()},
-    }
-    save_manifest(folder, facts)
+class TextTable(NamedTuple):
+    """A table as text; its first column is left-aligned."""
+
+    title: str
+    heads: list[str]
+    rows: list[list[str]]
+
+
+class Values:
+    """The values of a calibration's rows, by (engine, profile, scenario, metric, subject)."""
+
+    def __init__(self, frame: pd.DataFrame) -> None:
+        rows = rows_of(frame[frame.metric != "run"])
+        self.steps = {(r.engine, r.profile): r.dt for r in reversed(rows) if r.metric != "restitution.drop"}
+        self.columns = [
+            key for key in dict.fromkeys((r.engine, r.profile) for r in rows) if key in self.steps
+        ]
+        self._rows = {(r.engine, r.profile, r.scenario, r.metric, r.subject): r.value for r in rows}
+        subjects = [r.subject for r in rows]
+        self.restitutions = asked(subjects, "e")
+        self.frictions, self.headings = asked(subjects, "mu"), asked(subjects, "heading")
+
+    def __call__(self, column: tuple[str, str], pair: str, metric: str, subject: str = "") -> float:
+        return self._rows.get((*column, pair, metric, subject), nan)
+
+    def first(self, engine: str) -> str:
+        """The engine's default profile, else its first, or ""."""
+        own = [profile for name, profile in self.columns if name == engine]
+        return DEFAULT if DEFAULT in own else next(iter(own), "")
+
+    def both(self, engine: str) -> tuple[tuple[str, str], tuple[str, str]]:
+        """The columns of an engine's default and of its accurate profile."""
+        return (engine, self.first(engine)), (engine, ACCURATE)
+
+    def step(self, engine: str) -> float:
+        """Native step of an engine in its default profile [s]."""
+        return self.steps.get((engine, self.first(engine)), nan)
+
+    def lowest(self, engine: str) -> float:
+        """Lowest speed that bounces under an engine's first profile [m/s]."""
+        return self((engine, self.first(engine)), "sphere-box", "restitution.lowest", "e=1")
+
+    def share(self, column: tuple[str, str], pair: str, heading: float) -> float:
+        """Achieved over requested friction along a heading, mean over the coefficients."""
+        found = [
+            self(column, pair, "friction.bias", subject_of("friction", mu, heading)) for mu in self.frictions
+        ]
+        known = [1 + bias for bias in found if not isnan(bias)]
+        return float(np.mean(known)) if known else nan
+
+
+def asked(subjects: Sequence[str], name: str) -> list[float]:
+    """The values of a name in the subjects, ascending."""
+    words = [word for subject in subjects for word in subject.split()]
+    return sorted({float(word.partition("=")[2]) for word in words if word.startswith(f"{name}=")})
+
+
+def grids(frame: pd.DataFrame) -> list[TextTable]:
+    """Restitution, friction, and a fall under several steps."""
+    values = Values(frame)
+    return [_restitution(values), _friction(values), _drops(frame)]
+
+
+def _restitution(values: Values) -> TextTable:
+    pairs = [pair.partition("-")[0] for pair in SHAPES]
+    biases = [f"{pair} bias" for pair in pairs]
+    heads = ["", *(f"asked {e:g}" for e in values.restitutions), *biases, "lowest [m/s]"]
+    rows = []
+    for column in values.columns:
+        subjects = [subject_of("restitution", e, SHOWN_SPEED) for e in values.restitutions]
+        achieved = [values(column, "sphere-box", "restitution.achieved", subject) for subject in subjects]
+        largest = [values(column, pair, "restitution.bias.max") for pair in SHAPES]
+        lowest = values(column, "sphere-box", "restitution.lowest", "e=1")
+        rows.append([_name(values, column), *map(_text, [*achieved, *largest, lowest])])
+    return TextTable("restitution, asked and achieved", heads, rows)
+
+
+def _friction(values: Values) -> TextTable:
+    pairs = [pair.partition("-")[0] for pair in SHAPES]
+    heads = ["", *(f"{pair} {heading:g}°" for pair in pairs for heading in values.headings), "bias"]
+    rows = []
+    for column in values.columns:
+        shares = [values.share(column, pair, heading) for pair in SHAPES for heading in values.headings]
+        rows.append([_name(values, column), *map(_text, [*shares, values(column, ALL, "friction.bias.max")])])
+    return TextTable("friction, achieved over asked, per heading", heads, rows)
+
+
+def _drops(frame: pd.DataFrame) -> TextTable:
+    rows = rows_of(frame[frame.metric == "restitution.drop"])
+    steps = sorted({row.dt for row in rows}, reverse=True)
+    heads = ["", *(f"{step_text(dt)} s" for dt in steps)]
+    lines = []
+    for engine in dict.fromkeys(row.engine for row in rows):
+        cells = {
+            r.dt: f"{_text(r.value)} ({_text(r.low)} to {_text(r.high)})" for r in rows if r.engine == engine
+        }
+        lines.append([engine, *(cells.get(dt, "-") for dt in steps)])
+    return TextTable(
+        "e = 1 from a fall of half a metre, and its range over where within a step bodies land", heads, lines
+    )
+
+
+def _name(values: Values, column: tuple[str, str]) -> str:
+    return f"{column[0]} {column[1]} {step_text(values.steps[column])} s"
+
+
+def _text(value: float) -> str:
+    """Three decimals: coefficients are of order 1."""
+    return "-" if isnan(value) else f"{value:.3f}"
+
+
+DART_BOUNCE = 0.1
+"""DART bounces where e v is above this (DART_BOUNCING_VELOCITY_THRESHOLD, ContactSurface.hpp) [m/s]."""
+BULLET_MARGIN = 0.02
+"""Share of a body's size within which Bullet generates contacts (getContactBreakingThreshold) [1]."""
+BULLET_BOUNCE = 0.2
+"""Bullet's default restitutionVelocityThreshold [m/s]."""
+
+Finding = Callable[[Values, pd.DataFrame], str]
+
+
+def findings(frame: pd.DataFrame) -> list[str]:
+    """One line per finding whose numbers are all in the frame."""
+    values = Values(frame)
+    lines = [finding(values, frame) for finding in FINDINGS]
+    return [line for line in lines if line and "nan" not in line]
+
+
+def _reference_lowest(values: Values, frame: pd.DataFrame) -> str:
+    rest = 2 * G * values.step("reference")
+    return (
+        f"reference: bounces from {values.lowest('reference'):.3f} m/s on, by its own law: e fades evenly "
+        f"from 4 g h = {2 * rest:.3f} m/s to none at 2 g h = {rest:.3f} m/s, with a quarter of it at "
+        f"2.5 g h = {1.25 * rest:.3f} m/s"
+    )
+
+
+def _dart_lowest(values: Values, frame: pd.DataFrame) -> str:
+    least = DART_BOUNCE - 1.5 * G * values.step("dart")
+    return (
+        f"dart: bounces from {values.lowest('dart'):.3f} m/s on: it has no bounce unless e v > "
+        f"{DART_BOUNCE:g} m/s, where v has fallen on past the surface, for half a step here, and holds one "
+        f"more step of gravity: {DART_BOUNCE:g} - 1.5 g h = {least:.3f} m/s. dartpy has no setter. A bounce "
+        "gains about 2 g h / v, for gravity pulls in the step before it, not in its own"
+    )
+
+
+def _dart_cone(values: Values, frame: pd.DataFrame) -> str:
+    first, accurate = (values.share(column, "box-box", 45.0) for column in values.both("dart"))
+    return (
+        f"dart: {first:.3f} of mu at 45 degrees, for each of two directions may have all of mu: sqrt(2) "
+        f"together. The cone of its NSGS solver is circular (accurate): {accurate:.3f}"
+    )
+
+
+def _bullet_steps(values: Values, frame: pd.DataFrame) -> str:
+    drops = [r for r in rows_of(frame[frame.metric == "restitution.drop"]) if r.engine == "bullet"]
+    if not drops:
+        return ""
+    found = ", ".join(f"{r.value:.2f} at {step_text(r.dt)} s" for r in drops)
+    accurate = values(("bullet", "accurate"), "sphere-box", "restitution.achieved", "e=1 v=1")
+    return (
+        f"bullet: loses restitution as the step shrinks: e = 1 from a fall of 0.5 m returns {found}. "
+        "Contacts are found before bodies touch, within "
+        f"{BULLET_MARGIN:.0%} of their size ({1e3 * _margin():g} mm here), and brake a body "
+        "so that it just arrives at the end of the step; what speed it has left is what bounces. Long steps "
+        "jump over that margin; they gain by position correction and by a step "
+        "without gravity. contactProcessingThreshold = 0 (accurate) takes the margin away: e = 1 returns "
+        f"{accurate:.2f} at 1 m/s. Bodies of shifted pieces (compounds) have no margin to begin with"
+    )
+
+
+def _bullet_lowest(values: Values, frame: pd.DataFrame) -> str:
+    braked = _margin() / (1.5 * values.step("bullet"))
+    return (
+        f"bullet: bounces from {values.lowest('bullet'):.3f} m/s on; below restitutionVelocityThreshold = "
+        f"{BULLET_BOUNCE:g} m/s not at all, and below {braked:.3f} m/s it needs more than a step and a half "
+        "through the margin and is braked twice"
+    )
+
+
+def _margin() -> float:
+    """Bullet's margin round the bodies of the study [m]."""
+    return BULLET_MARGIN * HEIGHT
+
+
+def _bullet_cone(values: Values, frame: pd.DataFrame) -> str:
+    column, _ = values.both("bullet")
+    sphere, box = (values.share(column, pair, 45.0) for pair in ("sphere-box", "box-box"))
+    return (
+        f"bullet: {sphere:.3f} of mu at 45 degrees under a sphere, {box:.3f} under a box: each point of a "
+        "face is on its cone, but in a direction of its own, and they do not add up"
+    )
+
+
+def _bullet_hulls(values: Values, frame: pd.DataFrame) -> str:
+    first, accurate = (1e3 * values(column, "hull-box", "gap.rest") for column in values.both("bullet"))
+    bias = values(("bullet", "accurate"), "hull-box", "restitution.bias.max")
+    return (
+        f"bullet: hulls rest {first:.2f} mm high, {accurate:.2f} mm without collisionMargin (accurate). A "
+        "hull that lands flat is found one point a step and begins to spin: its restitution is off by up to "
+        f"{bias:.2f} even so"
+    )
+
+
+def _mujoco_spring(values: Values, frame: pd.DataFrame) -> str:
+    first, accurate = (
+        values(column, "sphere-box", "restitution.achieved", "e=0.3 v=5") for column in values.both("mujoco")
+    )
+    return (
+        f"mujoco: e = 0.3 returns {first:.3f} at 5 m/s: a damped spring that may not pull lets go while "
+        f"still compressed. Allowing for that, with a stiff contact (accurate): {accurate:.3f}; slow bodies "
+        "return less, for they let go below the surface and climb out against gravity"
+    )
+
+
+def _mujoco_cone(values: Values, frame: pd.DataFrame) -> str:
+    column, accurate = values.both("mujoco")
+    slowest = f"mu={min(values.frictions, default=0):g} heading=45"
+    return (
+        f"mujoco: {1 + values(column, 'box-box', 'friction.bias', slowest):.3f} of mu at 45 degrees for the "
+        "slowest box: the default cone is a pyramid with its edges over the axes, and its sides are "
+        "1 / sqrt(2) = 0.707 from its middle. Faster bodies hop, for friction also lifts them. Elliptic "
+        f"cone, friction damped by itself (accurate): "
+        f"{values.share(accurate, 'box-box', 45.0):.3f} on average"
+    )
+
+
+FINDINGS: tuple[Finding, ...] = (
+    _reference_lowest,
+    _dart_lowest,
+    _dart_cone,
+    _bullet_steps,
+    _bullet_lowest,
+    _bullet_cone,
+    _bullet_hulls,
+    _mujoco_spring,
+    _mujoco_cone,
+)
+
+
+def write_report(frame: pd.DataFrame, path: Path) -> None:
+    """Write the page."""
+    path.write_text(report(frame), "utf-8")
+
+
+def report(frame: pd.DataFrame) -> str:
+    """The study as a page."""
+    parts = ["# touchstone study calibration", ""]
+    for grid in grids(frame):
+        rule = ["---", *["---:"] * (len(grid.heads) - 1)]
+        lines = ["| " + " | ".join(row) + " |" for row in (grid.heads, rule, *grid.rows)]
+        parts += [f"## {grid.title[0].upper()}{grid.title[1:]}", "", *lines, ""]
+    parts += [*(f"{note}." for note in NOTES), "", "![Asked and achieved](calibration.png)", ""]
+    parts += ["## Findings", "", *(f"- {line}." for line in findings(frame)), "", "## Remarks", ""]
+    parts += [f"- {line}" for line in failure_lines(frame)] or ["none"]
+    return "\n".join(parts) + "\n"
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print all tables, their notes, and every finding, failure and broken limit."""
+    for grid in grids(frame):
+        heads = [head.replace(" ", "\n", 1) for head in grid.heads]
+        table = table_of(grid.title, heads, padding=(0, 0))
+        for row in grid.rows:
+            table.add_row(*row)
+        out.print(table)
+    print_notes(NOTES, out)
+    out.print()
+    for line in findings(frame):
+        out.print(line, highlight=False)
+    print_failures(frame, out)
+
+
+SIDES = ((2**0.5, "√2"), (0.5**0.5, "1 / √2"))
+"""Shares of friction at 45 degrees that reveal a pyramid in place of a cone [1]."""
+
+
+def requested_and_achieved(frame: pd.DataFrame, path: Path) -> None:
+    """Draw achieved over requested restitution and friction per engine.
+
+    Restitution from JUDGED_SPEED: medians over speeds and shapes, with the range over these and over the
+    phase within a step at which bodies land. Friction per heading: medians over coefficients and shapes, with
+    their range.
+    """
+    engines = [name for name in ENGINES if name in set(frame[frame.value.notna()].engine)]
+    count = max(1, len(engines))
+    with figure(path, 3.1 * count + 0.6, 7.3, font=10.5, dpi=160) as drawn:
+        axes = drawn.subplots(2, count, sharex="row", sharey="row", squeeze=False)
+        for column, engine in enumerate(engines):
+            mine = frame[(frame.engine == engine) & frame.value.notna()]
+            for profile, filled in _profiles(mine):
+                part = mine[mine.profile == profile]
+                _draw_ranges(axes[0, column], _restitutions(part), engine, profile, filled, 0.014)
+                _draw_ranges(axes[1, column], _frictions(part), engine, profile, filled, 1.1)
+            axes[0, column].set_title(engine, color=color_of(engine), fontweight="bold", fontsize=12)
+        _frame_panels(axes)
+        headline(
+            drawn,
+            "Bodies that land on a floor and slide over it: what engines make of restitution and friction",
+        )
+        text = (
+            "marker: median    bar: range over balls, boxes and hulls, and over speeds from "
+            f"{JUDGED_SPEED:g} m/s on (restitution) or the coefficients asked (friction)"
+        )
+        drawn.text(0.01, 0.962, text, color=PALE, fontsize=9.5, va="top")
+
+
+Ranges = dict[float, list[float]]
+"""Values by their abscissa."""
+
+
+def _profiles(frame: pd.DataFrame) -> list[tuple[str, bool]]:
+    """The first profile, drawn filled, and the accurate one or the next, drawn hollow."""
+    names = list(dict.fromkeys(frame.profile))
+    second = ACCURATE if ACCURATE in names else next(iter(names[1:]), "")
+    return [(names[0], True)] + ([(second, False)] if second not in ("", names[0]) else [])
+
+
+def _asked(subject: str) -> tuple[float, float]:
+    """The coefficient and the speed or heading that a row's subject names."""
+    first, second = (float(word.partition("=")[2]) for word in subject.split())
+    return first, second
+
+
+def _restitutions(frame: pd.DataFrame) -> Ranges:
+    found: Ranges = {}
+    for row in rows_of(frame[frame.metric == "restitution.achieved"]):
+        e, speed = _asked(row.subject)
+        if speed >= JUDGED_SPEED:
+            found.setdefault(e, []).extend((row.low, row.value, row.high))
+    return found
+
+
+def _frictions(frame: pd.DataFrame) -> Ranges:
+    found: Ranges = {}
+    for row in rows_of(frame[frame.metric == "friction.bias"]):
+        found.setdefault(_asked(row.subject)[1], []).append(1 + row.value)
+    return found
+
+
+def _draw_ranges(axes: Axes, found: Ranges, engine: str, profile: str, filled: bool, shift: float) -> None:
+    """Draw median and range of each list; filled markers a little to the left, hollow ones to the right."""
+    colour, places = color_of(engine), sorted(found)
+    x = np.array(places) + (-shift if filled else shift)
+    low, high = [min(found[place]) for place in places], [max(found[place]) for place in places]
+    middle = [float(np.median(found[place])) for place in places]
+    wide, pale = (5.0, 0.3) if filled else (1.3, 1.0)
+    axes.vlines(x, low, high, color=colour, linewidth=wide, alpha=pale, zorder=2)
+    face, edge = (colour, "white") if filled else ("white", colour)
+    (line,) = axes.plot(x, middle, "o", color=colour, label=profile, markersize=7, zorder=3)
+    line.set_markerfacecolor(face)
+    line.set_markeredgecolor(edge)
+
+
+def _frame_panels(axes: np.ndarray) -> None:
+    axes[0, 0].set_ylabel("restitution achieved", color=INK)
+    axes[1, 0].set_ylabel("friction achieved / asked", color=INK)
+    axes[1, 0].xaxis.set_major_locator(FixedLocator([0.0, 22.5, 45.0]))
+    axes[1, 0].xaxis.set_major_formatter(FuncFormatter(lambda heading, _: f"{heading:g}°"))
+    axes[1, 0].set_xlim(-7, 52)
+    axes[1, 0].set_ylim(min(0.45, axes[1, 0].get_ylim()[0]), max(1.5, axes[1, 0].get_ylim()[1]))
+    line = {"color": PALE, "linewidth": 0.8, "linestyle": (0, (4, 3)), "zorder": 1}
+    for one in axes[0]:
+        one.plot((0, 1), (0, 1), **line)
+        if one.lines[1:]:
+            one.legend(frameon=False, fontsize=9.5, loc="upper left", handletextpad=0.2, labelcolor=INK)
+        one.set_xlabel("restitution asked", color=INK)
+    for one in axes[1]:
+        one.axhline(1, **line)
+        one.set_xlabel("heading of the slide", color=INK)
+        for level, name in SIDES:
+            one.axhline(level, color="#dddddd", linewidth=0.8, zorder=1)
+            one.annotate(name, (-6, level), xytext=(0, 2), textcoords="offset points", fontsize=8, color=PALE)
+    for one in axes.flat:
+        open_axes(one, "y", 10.5)

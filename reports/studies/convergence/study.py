@@ -6,37 +6,128 @@ is nearer to the truth than the reference at the same step is a row of its own (
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
+from math import nan
 from pathlib import Path
+from typing import Any, Literal
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter
+from rich.console import Console
+from rich.text import Text
 
+from touchstone.adapters.registry import ACCURATE, ENGINES
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import COLUMNS, Row, illustrate, rows_of, save, save_manifest, table
+from touchstone.reports.results import COLUMNS, Row, rows_of, table
 from touchstone.reports.run.request import REFERENCE, step_text
-from touchstone.reports.studies.convergence.definitions import (
-    FLOOR,
-    NEAR,
-    NEARER,
-    ORDER,
-    STEPS,
-    STUDY,
-    own_step,
-)
+from touchstone.reports.studies.agreement import require_truths, slope_of
+from touchstone.reports.studies.charts import figure, logarithmic, open_axes, panels, rows_for
 from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE
-from touchstone.reports.studies.convergence.order import EXACT, order_of
-from touchstone.reports.studies.convergence.picture import draw
+from touchstone.reports.studies.study import kept
+from touchstone.reports.studies.tasks import own_profile, own_step
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.sweep import quietly, sweep
 from touchstone.reports.sweep.worker import DIVERGED
+from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 from touchstone.reports.views.tables import number
+from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.scenarios.catalogue import catalogue, tagged
+
+STUDY = "convergence"
+STEPS = tuple(1 / (FRAME_RATE * 2**k) for k in range(7))
+"""Native steps of every engine [s]."""
+BALANCED = "balanced"
+ORDER, FLOOR, NEARER = "convergence.order", "convergence.floor", "convergence.nearer"
+NEAR = 1.02
+"""Ratio of errors up to which two engines are equally near to the truth [1]."""
+MEASURE = "touchstone.reports.studies.convergence.measure:convergence_error"
+SOURCE = "touchstone.reports.studies.convergence.measure:at_frame_rate"
+SMOOTH = ("fall", "tumble_unstable", "spring", "incline_slides", "turntable", "shaker_along", "belt")
+EVENTS = ("bounce_e05", "collide_sticks", "slip", "slide", "platform_slip", "shaker_across")
+"""Default scenes beside the curved ones: one or two of each family, without and with events."""
+
+
+def scenes() -> tuple[str, ...]:
+    """Default scenes; of seeded variants none."""
+    curved = (scenario.name for scenario in tagged("curved") if "_seed" not in scenario.name)
+    return (*curved, *SMOOTH, *EVENTS)
+
+
+def columns_of(engines: Iterable[str]) -> list[tuple[str, str]]:
+    """(engine, profile) of the study: the reference in two profiles, the others in their first."""
+    return [
+        (engine, profile)
+        for engine in engines
+        for profile in ((BALANCED, ACCURATE) if engine == REFERENCE else (own_profile(engine),))
+    ]
+
+
+def cells(names: Sequence[str], engines: Sequence[str]) -> list[Cell]:
+    """All cells, scene by scene."""
+    require_truths((catalogue()[name] for name in names), "truth")
+    return [
+        Cell(name, *column, dt, effects=True, measure=MEASURE, source=SOURCE)
+        for name in names
+        for column in columns_of(engines)
+        # all effects: at coarse steps bodies leave a plan's bounds
+        for dt in dict.fromkeys((*STEPS, own_step(*column)))
+    ]
+
+
+EXACT = 1e-10
+"""Error that counts as none, over the scene's size [1]: what the truths' integrations leave open."""
+ABOVE = 3.0
+"""Ratio to the floor above which an error tells an order [1]: at most a third of it is floor."""
+LEAST_POINTS = 3
+"""Steps that an order needs: with two there is no interval."""
+FALLING = 0.25
+"""Order between the two finest steps above which the error still falls [1]."""
+Kind = Literal["order", "exact", "flat", "few"]
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Order of convergence with its interval, and the floor: the error at the finest step.
+
+    kind: `exact`: no error is above EXACT. `order`: LEAST_POINTS errors or more are above the floor. `flat`:
+    none is. `few`: too few are.
+    """
+
+    kind: Kind
+    floor: float
+    falls: bool  # whether the finest step still lowers the error
+    value: float = nan
+    low: float = nan
+    high: float = nan
+
+
+def order_of(steps: Sequence[float], errors: Sequence[float]) -> Order:
+    """Least squares of log error over log step, over the steps above the floor, with Student's interval.
+
+    Args:
+        steps: two or more, in any order [s].
+        errors: finite.
+    """
+    order = np.argsort(steps)[::-1]
+    h, e = np.array(steps)[order], np.array(errors)[order]
+    floor = float(e[-1])
+    if e.max() <= ABOVE * EXACT:
+        return Order("exact", floor, False)
+    falls = bool(EXACT < floor < e[-2] * (h[-1] / h[-2]) ** FALLING)
+    clear = e > ABOVE * max(floor, EXACT)
+    if clear.sum() < LEAST_POINTS:
+        return Order("few" if clear.any() else "flat", floor, falls)
+    return Order("order", floor, falls, *slope_of(h[clear], e[clear]))
 
 
 def run(
-    asked: Sequence[Cell], store: Path, out: Path, jobs: int | None = None, progress: Progress = quietly
+    asked: Sequence[Cell], store: Path, out: Path, progress: Progress = quietly, jobs: int | None = None
 ) -> pd.DataFrame:
     """Measure what the store lacks; the folder `out` appears complete or not at all."""
     with output_folder(out) as folder:
@@ -45,10 +136,8 @@ def run(
         measured.loc[measured.outcome == DIVERGED, "verdict"] = ""
         errors = measured[measured.metric.isin((ERROR, "run"))][list(COLUMNS)].assign(study=STUDY)
         frame = pd.concat([errors, table(findings(errors))], ignore_index=True)
-        save(frame, folder)
-        save_manifest(folder, {"study": STUDY, "store": str(store), "steps": STEPS, "frame_rate": FRAME_RATE})
-        illustrate(folder / "convergence.png", lambda part: draw(frame, part))
-    return frame
+        facts = {"study": STUDY, "store": str(store), "steps": STEPS, "frame_rate": FRAME_RATE}
+        return kept(frame, folder, facts, {"convergence.png": draw})
 
 
 def findings(errors: pd.DataFrame) -> Iterator[Row]:
@@ -73,3 +162,160 @@ def findings(errors: pd.DataFrame) -> Iterator[Row]:
 
 def _nearer(theirs: float, ours: float) -> bool:
     return ours > NEAR * max(theirs, EXACT)
+
+
+HEADS = ("engine", "own step\n[s]", "error", "order\n(95 % interval)", "floor", "nearer than\nthe reference")
+TOTALS = (
+    *("engine", "scenes", "exact", "flat", "order: median\n(least to largest)", "median\nfloor"),
+    *("largest\nfloor", "nearer in"),
+)
+NOTES = (
+    "error: largest over bodies and frames at the own step, over the scene's size",
+    f"order: over those of the steps {step_text(STEPS[0])} to {step_text(STEPS[-1])} s whose error exceeds "
+    f"{ABOVE:g} floors; unclear: its interval is wider than 4",
+    "= exact at every step   flat: no such step   few: one or two such steps",
+    "floor: error at the finest step; < it still falls there",
+    "! nearer to the truth than the reference (balanced) at so many of the steps, by which factor at most",
+)
+UNCLEAR = 2.0
+"""Half width of an order's interval above which no order is printed [1]."""
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print one block per scene, the totals per engine, and what did not end."""
+    blocks = table_of("convergence: errors against truths at seven steps", HEADS, padding=(0, 1, 0, 0))
+    for scenario, scene in frame[frame.metric != "run"].groupby("scenario", sort=False):
+        blocks.add_section()
+        blocks.add_row(Text(str(scenario), "bold"))
+        for order in rows_of(scene[scene.metric == ORDER]):
+            lost = _lost(scene, order.engine)
+            blocks.add_row(*_cells(order, scene, lost), style="bold red" if len(lost) else "")
+    out.print(blocks)
+    totals = table_of("order and floor over all scenes", TOTALS, padding=(0, 1, 0, 0))
+    for engine, profile in columns_of(ENGINES):
+        mine = frame[(frame.engine == engine) & (frame.profile == profile)]
+        if orders := rows_of(mine[mine.metric == ORDER]):
+            lost = _lost(frame, engine)
+            totals.add_row(f"{engine} {profile}", *_totals(orders, mine[mine.metric == FLOOR], lost))
+    out.print(totals)
+    print_notes(NOTES, out)
+    for _, part in frame[frame.metric == "run"].groupby(["scenario", "engine", "reason"], sort=False):
+        row, steps = rows_of(part)[0], " ".join(map(step_text, sorted(set(part.dt), reverse=True)))
+        verdict = f"{row.verdict}: " if row.verdict else ""
+        out.print(f"{verdict}{row.scenario}: {row.reason} ({row.engine} at {steps} s)", highlight=False)
+
+
+def _lost(frame: pd.DataFrame, engine: str) -> pd.DataFrame:
+    """Rows of the steps at which an engine is nearer to the truth than the reference's first profile."""
+    return frame[(frame.metric == NEARER) & (frame.subject == engine) & (frame.profile == BALANCED)]
+
+
+def _cells(order: Row, scene: pd.DataFrame, lost: pd.DataFrame) -> list[str]:
+    mine = scene[(scene.engine == order.engine) & (scene.profile == order.profile)]
+    own = mine[(mine.metric == ERROR) & (mine.dt == order.dt)].value
+    floor = rows_of(mine[mine.metric == FLOOR])[0]
+    return [
+        f"{order.engine} {order.profile}",
+        step_text(order.dt),
+        _number(own.iloc[0]) if len(own) else "-",
+        _order(order),
+        ("< " if floor.reason else "") + _number(floor.value),
+        f"! {len(lost)} of {len(STEPS)}, {number(lost.value.max())}" if len(lost) else "",
+    ]
+
+
+def _totals(orders: list[Row], floors: pd.DataFrame, lost: pd.DataFrame) -> list[str]:
+    clear = pd.Series([row.value for row in orders if row.reason_code == "order" and not _wide(row)])
+    return [
+        str(len(orders)),
+        *(str(sum(row.reason_code == kind for row in orders)) for kind in ("exact", "flat")),
+        _range(clear.median(), clear.min(), clear.max()) if len(clear) else "-",
+        _number(floors.value.median()),
+        _number(floors.value.max()),
+        str(lost.scenario.nunique() or ""),
+    ]
+
+
+def _order(row: Row) -> str:
+    if row.reason_code != "order":
+        return "=" if row.reason_code == "exact" else row.reason_code
+    return "unclear" if _wide(row) else _range(row.value, row.low, row.high)
+
+
+def _range(*values: float) -> str:
+    """A value and its range; rounded to 0, it has no sign."""
+    value, low, high = (round(x, 2) + 0.0 for x in values)
+    return f"{value:.2f} ({low:.2f} to {high:.2f})"
+
+
+def _wide(row: Row) -> bool:
+    return row.high - row.low > 2 * UNCLEAR
+
+
+def _number(value: float) -> str:
+    return "0" if value <= EXACT else number(value)
+
+
+ACROSS = 5
+BOTTOM, TOP = 1e-11, 10.0
+"""Errors beyond are drawn at these values, over the scene's size [1]: rounding; the motion is lost."""
+GUIDE = 0.3
+"""Error at the coarsest step from which the lines of slopes 1 and 2 start [1]."""
+OWN: dict[str, Any] = {
+    "color": INK,
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 7,
+    "markerfacecolor": "white",
+    "markeredgewidth": 1.4,
+}
+GUIDES: dict[str, Any] = {"color": PALE, "linewidth": 0.7, "linestyle": (0, (4, 3))}
+
+
+def draw(frame: pd.DataFrame, path: Path) -> None:
+    """Draw errors over steps: hollow at the engine's own step, grey below EXACT."""
+    errors = frame[frame.metric == ERROR]
+    scenes = list(dict.fromkeys(errors.scenario))
+    with figure(path, 2.5 * ACROSS, 2.25 * rows_for(len(scenes), ACROSS) + 0.9, 8.5) as drawn:
+        grid = panels(drawn, len(scenes), ACROSS, sharex=True, sharey=True)
+        for axes, scenario in zip(grid, scenes):
+            _panel(axes, errors[errors.scenario == scenario], str(scenario))
+        for axes in grid[-ACROSS:]:
+            axes.set_xlabel("step [s]", color=INK)
+        lines = list(dict.fromkeys(zip(errors.engine, errors.profile)))
+        handles = [Line2D([], [], label=" ".join(line), markersize=4, **_look(*line)) for line in lines]
+        handles.append(Line2D([], [], label="slopes 1 and 2", **GUIDES))
+        handles.append(Line2D([], [], label="own step", **OWN))
+        drawn.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+        drawn.supylabel("error over the scene's size", fontsize=10, color=INK)
+
+
+def _panel(axes: Axes, part: pd.DataFrame, scenario: str) -> None:
+    logarithmic(axes, STEPS[::2], [1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0])
+    low, high = STEPS[-1], STEPS[0]
+    for slope in (1, 2):
+        foot = GUIDE * (low / high) ** slope
+        axes.plot([low, high], [foot, GUIDE], zorder=1, **GUIDES)
+    for (engine, profile), mine in part.groupby(["engine", "profile"], sort=False):
+        line = mine.assign(drawn=mine.value.clip(BOTTOM, TOP)).sort_values("dt")
+        ladder, own = line[line.dt.isin(STEPS)], line[line.dt == own_step(str(engine), str(profile))]
+        look = _look(str(engine), str(profile))
+        axes.plot(ladder.dt, ladder.drawn, **look, markersize=3)
+        axes.plot(own.dt, own.drawn, **look, markersize=7, markerfacecolor="white", markeredgewidth=1.4)
+    axes.set_xlim(low / 1.3, high * 1.3)
+    axes.set_ylim(BOTTOM / 3, TOP * 3)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: step_text(value)))
+    open_axes(axes, labels=7)
+    axes.axhspan(BOTTOM / 3, EXACT, color="#f3f3f3", zorder=0)
+    axes.set_title(scenario, fontsize=9.5, color=INK, loc="left", fontweight="bold")
+
+
+def _look(engine: str, profile: str) -> dict[str, Any]:
+    """Colour, marker and line style of an engine; the reference's lines lie above the others."""
+    return {
+        "color": color_of(engine),
+        "marker": marker_of(engine),
+        "linewidth": 1.7 if engine == REFERENCE else 1.1,
+        "linestyle": "--" if engine == REFERENCE and profile == ACCURATE else "-",
+        "zorder": 4 if engine == REFERENCE else 3,
+    }

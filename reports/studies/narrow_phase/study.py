@@ -8,31 +8,201 @@ from Python; `time.net` and ratios subtract the cheapest call, that of two spher
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isnan, log, nan
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
 
-from touchstone.adapters.detectors import DETECTORS
-from touchstone.adapters.oracles.minkowski import signed_distance
+from touchstone.adapters.contract import Array, Unsupported
+from touchstone.adapters.detectors import DETECTORS, FAILURES, REFERENCE, THREW, UNCONVERGED, Failure, Pair
+from touchstone.adapters.oracles.minkowski import core, piece_distance, signed_distance
+from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import illustrate, save, save_manifest, table
-from touchstone.reports.studies.interleaved_timing import Stretch, measure
-from touchstone.reports.studies.narrow_phase.rows import STUDY, Truth, rows_of_study
-from touchstone.reports.studies.poses import FAMILIES, corners, draw, size_of
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.charts import figure, logarithmic, open_axes
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
+from touchstone.reports.studies.narrow_phase.poses import FAMILIES, corners, draw, size_of
+from touchstone.reports.studies.study import RefusedError, failure_lines, kept, with_interval
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.pictures import INK, MARKERS, PALE, detector_color
+from touchstone.reports.views.tables import exact_number
+from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.scenarios.files.pair_file import GivenPair
+
+STUDY = "narrow-phase"
+ALL = "all"
+"""Scenario name of the aggregate over all families."""
+DEPTH_FLOOR = 1e-3
+"""Depth over size below which errors are relative to the size [1], to avoid division of rounding by almost
+zero."""
+SIGN_FLOOR = 1e-9
+"""Distance over size below which either sign is accepted [1]: three decades below the shallowest touch."""
+EQUALLY_DEEP = 1e-6
+"""Excess over the depth of the translation along a normal, over the size, below which the face counts as
+equally deep [1]."""
+
+STATISTICS: dict[str, Callable[[Array], Any]] = {
+    "median": np.median,
+    "p95": lambda sample: np.percentile(sample, 95),
+    "max": np.max,
+}
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class PairTruth:
+    """Pairs with the world vertices of each [m], families, sizes [m] and signed distances [m] (n,), and
+    normals from A to B (n, 3). `radii` (n,) [m]: by how much the pieces exceed the hulls of their vertices,
+    both together; 0 for boxes and hulls."""
+
+    pairs: Sequence[Pair]
+    corners: Sequence[tuple[Array, Array]]
+    family: Array
+    size: Array
+    distance: Array
+    normal: Array
+    radii: Array = field(default_factory=lambda: np.zeros(1))
+
+
+def rows_of_study(truth: PairTruth, measured: Mapping[str, Answered]) -> list[Row]:
+    rows: list[Row] = []
+    errors: dict[str, Array] = {}
+    for name, mine in measured.items():
+        base = Row(STUDY, ALL, name, DETECTORS[name].profile, float("nan"), "run")
+        if mine.ended is not None:
+            rows.append(replace(base, verdict=mine.ended[0], reason=mine.ended[1]))
+            continue
+        errors[name] = depth_errors(truth, mine)
+        angles = normal_errors(truth, mine)
+        for family in (ALL, *FAMILIES):
+            chosen = np.full(len(truth.family), True) if family == ALL else truth.family == family
+            rows += _family(replace(base, scenario=family), chosen, truth, mine, errors[name], angles)
+        remark = "" if np.any(mine.crossing) else "one crossing for a whole batch"
+        cross = replace(base, metric="time.crossing", unit="s", reason=remark)
+        for subject, sample in zip(("apart", "touching"), np.concatenate(mine.crossing).T):
+            rows.append(with_interval(cross, median_interval(sample), subject=subject))
+    return rows + _ratios(truth, measured, errors)
+
+
+def _family(
+    base: Row, chosen: Mask, truth: PairTruth, mine: Answered, errors: Array, angles: Array
+) -> list[Row]:
+    """All rows of one detector on one family, except ratios."""
+    rows = []
+    error = errors[chosen][np.isfinite(errors[chosen])]
+    angle = angles[chosen][np.isfinite(angles[chosen])]
+    failures = [mine.failures[int(k)] for k in np.flatnonzero(chosen) if int(k) in mine.failures]
+    reason = next((f.reason for f in failures if f.kind != UNCONVERGED), "reports no contact, rightly")
+    values = [(f"depth.error.{kind}", "", "1", error, kind) for kind in STATISTICS]
+    values += [("normal.error", kind, "rad", angle, kind) for kind in ("median", "max")]
+    for metric, subject, unit, sample, kind in values:
+        row = replace(base, metric=metric, subject=subject, unit=unit)
+        if len(sample):
+            rows.append(replace(row, value=float(STATISTICS[kind](sample))))
+        else:
+            rows.append(replace(row, verdict="skipped", reason=reason))
+    reported = np.isfinite(mine.distance)
+    clear = np.abs(truth.distance) > SIGN_FLOOR * truth.size
+    wrong = chosen & clear & reported & (mine.distance * truth.distance < 0)
+    unseen = chosen & clear & (truth.distance < 0) & ~reported & ~_failed(mine)
+    rows.append(replace(base, metric="sign.wrong", unit="pairs", value=float(wrong.sum())))
+    rows.append(replace(base, metric="contact.missed", unit="pairs", value=float(unseen.sum())))
+    for kind in FAILURES:
+        reasons = [failure.reason for failure in failures if failure.kind == kind]
+        row = replace(base, metric="exception", subject=kind, unit="pairs", value=float(len(reasons)))
+        rows.append(replace(row, reason=reasons[0] if reasons else ""))
+    for metric, sample in (("time.query", mine.seconds), ("time.net", mine.net(truth.distance))):
+        rows.append(with_median(replace(base, metric=metric), sample[chosen], reason))
+    return rows
+
+
+def _failed(mine: Answered) -> Mask:
+    """Mask of pairs without an answer; no contact is an answer."""
+    failed = np.zeros(len(mine.distance), dtype=bool)
+    failed[[k for k, failure in mine.failures.items() if failure.kind != UNCONVERGED]] = True
+    return failed
+
+
+def depth_errors(truth: PairTruth, mine: Answered) -> Array:
+    """|distance - truth| / max(depth, DEPTH_FLOOR size) per pair; NaN where the detector failed, or correctly
+    reports no contact."""
+    unseen = np.isnan(mine.distance) & (truth.distance < 0) & ~_failed(mine)
+    distance = np.where(unseen, 0.0, mine.distance)
+    return np.abs(distance - truth.distance) / np.maximum(-truth.distance, DEPTH_FLOOR * truth.size)
+
+
+def normal_errors(truth: PairTruth, mine: Answered) -> Array:
+    """Angles between normals and truth [rad]; NaN where none is reported.
+
+    Where the translation along the normal exceeds the depth by less than EQUALLY_DEEP of the size, the
+    detector found an equally deep face. The error is then that excess over the size, if it is smaller.
+    """
+    errors, radii = np.full(len(truth.pairs), np.nan), np.broadcast_to(truth.radii, len(truth.pairs))
+    for k in np.flatnonzero(np.isfinite(mine.normal).all(axis=1)).tolist():
+        n, true, (a, b) = mine.normal[k], truth.normal[k], truth.corners[k]
+        errors[k] = 2 * np.arctan2(np.linalg.norm(n - true), np.linalg.norm(n + true))
+        longer = (a @ n).max() - (b @ n).min() + radii[k] + truth.distance[k]
+        if longer < EQUALLY_DEEP * truth.size[k]:
+            errors[k] = min(errors[k], max(0.0, longer / truth.size[k]))
+    return errors
+
+
+def _ratios(truth: PairTruth, measured: Mapping[str, Answered], errors: Mapping[str, Array]) -> list[Row]:
+    """The reference's time per query over each other detector's, net of its crossing, on common pairs."""
+    if REFERENCE not in errors:
+        return []
+    rows = []
+    ours = measured[REFERENCE]
+    for name in errors:
+        if name == REFERENCE:
+            continue
+        net = measured[name].net(truth.distance)
+        for family in (ALL, *FAMILIES):
+            chosen = (truth.family == family) | (family == ALL)
+            profile = DETECTORS[REFERENCE].profile
+            row = Row(STUDY, family, REFERENCE, profile, float("nan"), "ratio.time", subject=name)
+            rows.append(with_ratio(row, ours.net(truth.distance)[chosen], net[chosen]))
+    return rows
+
+
+def with_ratio(row: Row, ours: Array, theirs: Array) -> Row:
+    """The row with the ratio of two detectors' times on the queries that both answered; skipped if there are
+    none, or if they cost no more than their crossing."""
+    both = np.isfinite(ours) & np.isfinite(theirs)
+    row = replace(row, unit="1")
+    if not both.any() or np.median(theirs[both]) <= 0:
+        reason = "no query" if not both.any() else "queries cost no more than their crossing"
+        return replace(row, verdict="skipped", reason=reason)
+    ratio = time_ratio(ours[both], theirs[both])
+    return with_interval(row, (ratio.value, ratio.low, ratio.high))
+
+
+def with_median(row: Row, seconds: Array, reason: str) -> Row:
+    """The row with the median of the finite times; skipped for `reason` if there is none."""
+    seconds, row = seconds[np.isfinite(seconds)], replace(row, unit="s")
+    if not len(seconds):
+        return replace(row, verdict="skipped", reason=reason)
+    return with_interval(row, median_interval(seconds))
+
 
 SLICE = 5 * len(FAMILIES)
 """Pairs per turn: every family five times, so that variations of the machine's speed affect all detectors
 equally."""
 TURNS, PASSES = 2, 3
 """Turns per slice and timed passes per turn."""
-
-
-class PairsError(Exception):
-    """The number of pairs cannot be used; the message says why."""
 
 
 def steps(pairs: int) -> int:
@@ -43,30 +213,37 @@ def steps(pairs: int) -> int:
 def run(pairs: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
     """Measure all detectors; store rows, picture and manifest. The folder appears complete or not at all."""
     if pairs < len(FAMILIES):
-        raise PairsError(f"--pairs {pairs}: expected at least {len(FAMILIES)}, one per family of poses")
+        raise RefusedError(f"--pairs {pairs}: expected at least {len(FAMILIES)}, one per family of poses")
     with output_folder(out) as folder:
-        (folder / "output").mkdir()
         progress("draw pairs", 0)
         truth = truth_of(pairs, seed)
         slices = [Stretch(first, min(first + SLICE, pairs)) for first in range(0, pairs, SLICE)]
-        measured = measure(DETECTORS, truth.pairs, slices, TURNS, PASSES, folder / "output", progress)
+        measured = ask_all(truth, slices, folder, progress)
         progress("judge", 0)
-        frame = table(judged(replace(row, seed=seed), ()) for row in rows_of_study(truth, measured))
-        save(frame, folder)
-        facts = {name: dict(mine.facts) for name, mine in measured.items()}
-        save_manifest(folder, {"study": STUDY, "pairs": pairs, "seed": seed, "detectors": facts})
-        from touchstone.reports.views.pictures import work_precision
-
-        illustrate(folder / "narrow_phase.png", lambda part: work_precision(frame, part))
-    return frame
+        rows = [judged(replace(row, seed=seed), ()) for row in rows_of_study(truth, measured)]
+        facts = {"study": STUDY, "pairs": pairs, "seed": seed, "detectors": facts_of(measured)}
+        return kept(rows, folder, facts, {"narrow_phase.png": work_precision})
 
 
-def truth_of(count: int, seed: int) -> Truth:
+def ask_all(
+    truth: PairTruth, slices: Sequence[Stretch], folder: Path, progress: Progress
+) -> dict[str, Answered]:
+    """Answers of all detectors, whose output goes to `folder`."""
+    (folder / "output").mkdir()
+    return measure(DETECTORS, truth.pairs, slices, TURNS, PASSES, folder / "output", progress)
+
+
+def facts_of(measured: Mapping[str, Answered]) -> dict[str, dict[str, object]]:
+    """Version and settings of each detector."""
+    return {name: dict(mine.facts) for name, mine in measured.items()}
+
+
+def truth_of(count: int, seed: int) -> PairTruth:
     """Random pairs of a seed, with the truth by the explicit Minkowski difference of each."""
     drawn = draw(count, np.random.default_rng(seed))
     vertices = [(corners(a), corners(b)) for _, (a, b) in drawn]
     found = [signed_distance(a, b) for a, b in vertices]
-    return Truth(
+    return PairTruth(
         [pair for _, pair in drawn],
         vertices,
         np.array([family for family, _ in drawn]),
@@ -74,3 +251,365 @@ def truth_of(count: int, seed: int) -> Truth:
         np.array([distance for distance, _ in found]),
         np.array([normal for _, normal in found]),
     )
+
+
+MICRO = 1e6
+ROUNDING, FINE = 1e-12, 1e-4
+"""Depth errors that separate detectors [1]: a few thousand roundings over size / 1000, and an error too small
+to matter in a simulation."""
+HEADS = (
+    *("detector", "median", "depth error\np95", "max", "normal\nmax [rad]", "wrong\nsign", "missed"),
+    "failed",
+    *("query\n[µs]", "net\n[µs]", "reference over it\n(95 % interval)"),
+)
+NOTES = (
+    "depth error: over max(depth, size / 1000); a missed contact counts as depth 0",
+    "failed: unsupported, threw, or says itself that it did not converge (then the answer counts)",
+    "query: from Python, shapes and poses prepared; net: less the cheapest call, of two spheres",
+)
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print one row per detector over all families, the best of each family, and every remark."""
+    if (frame.engine == TRUTH).any():
+        show_given(frame, out)
+        return
+    whole = frame[frame.scenario == "all"]
+    title = "narrow-phase: all families against the explicit Minkowski difference"
+    table = table_of(title, HEADS, padding=(0, 0))
+    for name in dict.fromkeys(whole.engine):
+        table.add_row(name, *_cells(whole, name))
+    out.print(table)
+    print_notes(NOTES, out)
+    out.print()
+    out.print(_families(frame))
+    for line in remarks(frame):
+        out.print(line, highlight=False, style="red" if line.startswith(("fail", "error")) else "")
+
+
+def _cells(whole: pd.DataFrame, name: str) -> list[str]:
+    mine = {(row.metric, row.subject): row for row in rows_of(whole[whole.engine == name])}
+    if ("run", "") in mine:
+        return [mine["run", ""].verdict]
+    ratio = next(iter(rows_of(whole[(whole.metric == "ratio.time") & (whole.subject == name)])), None)
+    failed = sum(row.value for (metric, _), row in mine.items() if metric == "exception")
+    return [
+        *(exact_number(mine["depth.error." + kind, ""].value) for kind in ("median", "p95", "max")),
+        exact_number(mine["normal.error", "max"].value),
+        f"{mine['sign.wrong', ''].value:.0f}",
+        f"{mine['contact.missed', ''].value:.0f}",
+        f"{failed:.0f}",
+        *(exact_number(mine[metric, ""].value * MICRO) for metric in ("time.query", "time.net")),
+        ""
+        if ratio is None or isnan(ratio.value)
+        else f"{ratio.value:.2f} ({ratio.low:.2f} to {ratio.high:.2f})",
+    ]
+
+
+def _families(frame: pd.DataFrame) -> Table:
+    """Per family the detectors that are exact to rounding, and the fastest among those exact to FINE."""
+    table = Table(box=SIMPLE, padding=(0, 0), pad_edge=False)
+    table.add_column("family", no_wrap=True)
+    table.add_column(f"p95 of the depth error below {ROUNDING:.0e}")
+    table.add_column(f"fastest net, p95 below {FINE:.0e} [µs]", no_wrap=True)
+    for family in FAMILIES:
+        part = frame[(frame.scenario == family) & frame.value.notna()]
+        error = {row.engine: row.value for row in rows_of(part[part.metric == "depth.error.p95"])}
+        right = [name for name in error if error[name] < ROUNDING]
+        times = [row for row in rows_of(part[part.metric == "time.net"]) if error.get(row.engine, 1.0) < FINE]
+        best = min(times, key=lambda row: row.value, default=None)
+        fastest = "-" if best is None else f"{best.engine} {exact_number(best.value * MICRO)}"
+        table.add_row(family, ", ".join(right) or "-", fastest)
+    return table
+
+
+def remarks(frame: pd.DataFrame) -> list[str]:
+    """Broken limits, runs that are skipped as a whole and failures, with reasons."""
+    failed = frame[(frame.metric == "exception") & (frame.scenario == ALL) & (frame.value > 0)]
+    counts = [f"{row.subject}: {row.engine}, {row.value:.0f} pairs: {row.reason}" for row in rows_of(failed)]
+    return failure_lines(frame) + counts
+
+
+ERROR_FLOOR = 1e-16
+"""Smaller errors are drawn at this value: half a rounding of double precision [1]."""
+LEVELS = (
+    (2.2e-16, "rounding, double precision"),
+    (6.0e-8, "rounding, single precision"),
+    (1.0, "no contact seen"),
+)
+"""Errors that get a reference line [1]."""
+LETTER, LINE, GAP = 0.0078, 0.028, 0.011
+"""Width and height of a label's letter and its distance from the marker, over the picture's sides [1]."""
+
+
+Rectangle = tuple[float, float, float, float]
+"""Left, bottom, right, top."""
+
+
+class Point(NamedTuple):
+    """A detector: time [s], and its median, 95th percentile and largest error [1]."""
+
+    name: str
+    time: float
+    median: float
+    p95: float
+    largest: float
+    colour: str
+    marker: str
+
+
+def work_precision(frame: pd.DataFrame, path: Path) -> None:
+    """Depth error over time per query of every detector, from the rows of the study `narrow-phase`.
+
+    A marker is the median, the thick bar reaches to the 95th percentile, the thin one to the largest error.
+    """
+    points = _points(frame)
+    with figure(path, 10.5, 6.8, font=10.5, dpi=160) as drawn:
+        axes = drawn.add_subplot()
+        _frame(axes, points)
+        for point in points:
+            _draw(axes, point)
+        _label(axes, points)
+
+
+def _points(frame: pd.DataFrame) -> list[Point]:
+    whole = frame[(frame.scenario == "all") & frame.value.notna()]
+    values = {(row.engine, row.metric): row.value for row in rows_of(whole)}
+    names = [name for name in dict.fromkeys(frame.engine) if (name, "time.net") in values]
+    points: list[Point] = []
+    for name in names:
+        colour = detector_color(name)
+        median, p95, largest = (
+            max(ERROR_FLOOR, values[name, f"depth.error.{k}"]) for k in ("median", "p95", "max")
+        )
+        marker = MARKERS[sum(point.colour == colour for point in points) % len(MARKERS)]
+        points.append(Point(name, values[name, "time.net"], median, p95, largest, colour, marker))
+    return [point for point in points if point.time > 0]
+
+
+def _draw(axes: Axes, point: Point) -> None:
+    x, colour = [point.time, point.time], point.colour
+    axes.plot(x, [point.median, point.p95], color=colour, linewidth=4, alpha=0.4, solid_capstyle="butt")
+    axes.plot(x, [point.median, point.largest], color=colour, linewidth=0.9)
+    axes.plot(point.time, point.largest, "_", color=colour, markersize=8, markeredgewidth=1.3)
+    axes.plot(
+        point.time, point.median, point.marker, color=colour, markersize=9, markeredgecolor="white", zorder=3
+    )
+
+
+def _label(axes: Axes, points: list[Point]) -> None:
+    """Place every name beside its marker, at the one of eight places that covers the least."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+
+    def across(time: float) -> float:
+        return log(time / left) / log(right / left)
+
+    def up(error: float) -> float:
+        return log(error / low) / log(high / low)
+
+    bars = [(across(p.time), up(p.median), across(p.time), up(p.largest)) for p in points]
+    taken: list[Rectangle] = []
+    for point in points:
+        x, y, width = across(point.time), up(point.median), LETTER * len(point.name)
+        sides = [(x + GAP, "left"), (x - GAP - width, "right")]
+        places = [(start, y + k * LINE, align) for k in (0, -0.6, -1, 1) for start, align in sides]
+        boxes = [(start, v - LINE / 2, start + width, v + LINE / 2) for start, v, _ in places]
+        best = min(range(len(boxes)), key=lambda k: sum(_meet(boxes[k], one) for one in bars + taken))
+        start, v, align = places[best]
+        taken.append(boxes[best])
+        axes.text(
+            start if align == "left" else start + width,
+            v,
+            point.name,
+            transform=axes.transAxes,
+            ha=align,
+            va="center_baseline",
+            color=point.colour,
+            fontweight="bold" if point.name.startswith("reference") else "normal",
+            path_effects=[withStroke(linewidth=3, foreground="white")],
+            zorder=4,
+        )
+
+
+def _meet(one: Rectangle, two: Rectangle) -> bool:
+    return one[0] <= two[2] and two[0] <= one[2] and one[1] <= two[3] and two[1] <= one[3]
+
+
+def _frame(axes: Axes, points: list[Point]) -> None:
+    times = [point.time for point in points]
+    logarithmic(
+        axes, [m * 10.0**e for e in range(-9, 0) for m in (1, 2, 5)], [10.0**e for e in range(-16, 5, 2)]
+    )
+    axes.set_xlim(min(times) / 2.2, max(times) * 1.5)
+    axes.set_ylim(ERROR_FLOOR / 3, 3 * max(1.0, *(point.largest for point in points)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{seconds * 1e6:g}"))
+    for level, name in LEVELS:
+        axes.axhline(level, color=PALE, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
+        place: dict[str, Any] = {
+            "xycoords": ("axes fraction", "data"),
+            "xytext": (4, 3),
+            "textcoords": "offset points",
+        }
+        axes.annotate(name, (0, level), **place, fontsize=8.5, color=PALE)
+    open_axes(axes, "y", 10.5)
+    axes.set_xlabel("median time per query [µs], one thread, crossing from Python taken off", color=INK)
+    axes.set_ylabel("depth error over max(depth, size / 1000)", color=INK)
+    title = "Narrow phase: random and adversarial pairs of convex pieces\n"
+    axes.set_title(title, loc="left", color=INK, fontsize=13, fontweight="bold")
+    text = "marker: median    thick bar: to the 95th percentile    thin bar: to the largest"
+    axes.text(0, 1.015, text, transform=axes.transAxes, color=PALE, fontsize=9.5)
+
+
+TRUTH = "minkowski"
+"""Engine of the rows that hold the truth."""
+DISTANCE, ERROR, NORMAL, TIME = "distance", "depth.error", "normal.error", "time.query"
+WRONG_SIGN, MISSED = "wrong sign", "missed"
+"""Reasons of answers that are wrong in kind: overlap for a gap or the reverse, and no contact for overlap."""
+
+
+def run_given(pairs: Sequence[GivenPair], out: Path, progress: Progress) -> pd.DataFrame:
+    """Measure all detectors on the pairs; the folder appears complete or not at all."""
+    truth = truth_of_given(pairs)
+    with output_folder(out) as folder:
+        measured = ask_all(truth, [Stretch(0, len(pairs))], folder, progress)
+        for name, mine in measured.items():
+            if mine.ended is not None and mine.ended[0] == "error":
+                _ask_one_by_one(name, mine, truth, folder / "output")
+        sources = {pair.name: pair.source for pair in pairs}
+        facts = {"study": STUDY, "pairs": sources, "detectors": facts_of(measured)}
+        return kept(_rows(pairs, truth, measured), folder, facts)
+
+
+def _ask_one_by_one(name: str, mine: Answered, truth: PairTruth, output: Path) -> None:
+    """Ask a detector that died each pair in a process of its own, so that only those have no answer of which
+    it dies."""
+    mine.ended = None
+    for k, pair in enumerate(truth.pairs):
+        one = measure([name], [pair], [Stretch(0, 1)], 1, 1, output, lambda *_: None)[name]
+        mine.distance[k], mine.normal[k], mine.seconds[k] = one.distance[0], one.normal[0], one.seconds[0]
+        found = Failure(THREW, one.ended[1]) if one.ended is not None else one.failures.get(0)
+        if found is not None:
+            mine.failures[k] = found
+
+
+def truth_of_given(pairs: Sequence[GivenPair]) -> PairTruth:
+    """Signed distance and normal of each pair; raises RefusedError."""
+    try:
+        found = [piece_distance(*pair.pieces) for pair in pairs]
+    except Unsupported as error:
+        raise RefusedError(str(error)) from error
+    cores = [tuple(core(piece) for piece in pair.pieces) for pair in pairs]
+    radii = np.array([a[1] + b[1] for a, b in cores])
+    sizes = [max(float(np.ptp(points, axis=0).max()) + 2 * r for points, r in each) for each in cores]
+    return PairTruth(
+        [pair.pieces for pair in pairs],
+        [(a[0], b[0]) for a, b in cores],
+        np.array([pair.name for pair in pairs]),
+        np.array(sizes),
+        np.array([distance for distance, _ in found]),
+        np.array([normal for _, normal in found]),
+        radii,
+    )
+
+
+def _rows(pairs: Sequence[GivenPair], truth: PairTruth, measured: Mapping[str, Answered]) -> list[Row]:
+    rows = [
+        Row(STUDY, pair.name, TRUTH, "exact", nan, DISTANCE, float(distance), "m", reason=pair.source)
+        for pair, distance in zip(pairs, truth.distance)
+    ]
+    for name, mine in measured.items():
+        base = Row(STUDY, "all", name, DETECTORS[name].profile, nan, "run_given")
+        if mine.ended is not None:
+            rows.append(replace(base, verdict=mine.ended[0], reason=mine.ended[1]))
+            continue
+        errors, angles = depth_errors(truth, mine), normal_errors(truth, mine)
+        for k, pair in enumerate(pairs):
+            row = replace(base, scenario=pair.name, reason=_remark(truth, mine, k))
+            figures = (
+                (DISTANCE, mine.distance[k], "m"),
+                (ERROR, errors[k], "1"),
+                (NORMAL, angles[k], "rad"),
+                (TIME, mine.seconds[k], "s"),
+            )
+            rows += [replace(row, metric=metric, value=float(x), unit=unit) for metric, x, unit in figures]
+    return rows
+
+
+def _remark(truth: PairTruth, mine: Answered, k: int) -> str:
+    """What is wrong in kind with an answer, or why there is none; "" for an answer or a gap that is not
+    reported."""
+    failure, true, found = mine.failures.get(k), truth.distance[k], mine.distance[k]
+    if failure is not None and failure.kind != UNCONVERGED:
+        return f"{failure.kind}: {failure.reason}"
+    if abs(true) > SIGN_FLOOR * truth.size[k]:
+        if np.isnan(found) and true < 0:
+            return MISSED
+        if found * true < 0:
+            return WRONG_SIGN
+    return f"{failure.kind}: {failure.reason}" if failure is not None else ""
+
+
+OFF = 1e-6
+"""Depth error above which a detector is named beside a pair [1]: single precision over size / 1000."""
+GIVEN_HEADS = (
+    *("detector", "depth error\nmedian", "max", "normal\nmax [rad]", "wrong\nsign", "missed", "failed"),
+    *("unsupported", "query\n[µs]"),
+)
+GIVEN_NOTES = (
+    "depth error: over max(depth, size / 1000); a missed contact counts as depth 0",
+    f"beside a pair: detectors whose depth error exceeds {OFF:g}, the largest first, or that gave no answer",
+)
+
+
+def show_given(frame: pd.DataFrame, out: Console) -> None:
+    """Print one row per detector, one line per pair, and why detectors did not take part."""
+    rows = rows_of(frame)
+    truths = {row.scenario: row for row in rows if row.engine == TRUTH}
+    mine: dict[str, list[Row]] = {}
+    for row in rows:
+        if row.engine != TRUTH and row.metric != "run_given":
+            mine.setdefault(row.engine, []).append(row)
+    table = table_of("narrow-phase: given pairs against the explicit Minkowski difference", GIVEN_HEADS)
+    for name, found in mine.items():
+        table.add_row(name, *_given_cells(found))
+    out.print(table)
+    for name, truth in truths.items():
+        off = _off([row for row in rows if row.scenario == name and row.metric == ERROR])
+        source = f" ({truth.reason})" if truth.reason else ""
+        out.print(f"{name}{source}: {truth.value:.6g} m: {off}", highlight=False, soft_wrap=True)
+    print_notes(GIVEN_NOTES, out)
+    for row in rows:
+        if row.metric == "run_given":
+            out.print(f"{row.verdict}: {row.engine}: {row.reason}", highlight=False)
+
+
+def _given_cells(found: list[Row]) -> list[str]:
+    def values(metric: str) -> pd.Series:
+        return pd.Series([row.value for row in found if row.metric == metric]).dropna()
+
+    def counted(*starts: str) -> str:
+        return str(sum(row.reason.startswith(starts) for row in found if row.metric == DISTANCE))
+
+    errors, (unsupported, *failures) = values(ERROR), FAILURES
+    return [
+        exact_number(errors.median()),
+        exact_number(errors.max()),
+        exact_number(values(NORMAL).max()),
+        counted(WRONG_SIGN),
+        counted(MISSED),
+        counted(*failures),
+        counted(unsupported),
+        exact_number(1e6 * values(TIME).median()),
+    ]
+
+
+def _off(errors: list[Row]) -> str:
+    """Detectors that are off in one pair, with their errors or what they said."""
+    wrong = [row for row in errors if row.value > OFF or (row.reason and row.value != row.value)]
+    wrong.sort(key=lambda row: -row.value if row.value == row.value else float("inf"))
+    texts = []
+    for row in wrong:
+        kind = row.reason.partition(":")[0]
+        figure = exact_number(row.value) if row.value == row.value else ""
+        texts.append(" ".join(filter(None, (row.engine, figure, kind))))
+    return ", ".join(texts) or "all agree"

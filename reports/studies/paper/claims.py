@@ -6,36 +6,200 @@ times or poses. Counts and poses repeat exactly; a rule uses times only where th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import operator
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from touchstone.adapters.contract import Array
+from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.tracked import tracked_depths
-from touchstone.reports.studies.paper.claim import Finding, Scenes, claim, micro, numbers, percent
-from touchstone.reports.studies.paper.series import (
-    BRIEF,
-    COLLISION,
-    FIRST,
-    JOINTS,
-    PAIRS,
-    PASSES,
-    REMOVAL,
-    RISE,
-    SETTLED,
-    Run,
-    Series,
-    first_contact,
-    halves,
-    plateaus,
-    runs,
-    thirds,
-)
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.gallery import TABLE_HALF, TABLE_TOP
+from touchstone.scenarios.scenario import Scenario
+
+COLLISION, REMOVAL = "collision", "removal"
+"""Stages: detection in both loops; overlap removal with inverse kinematics, without detection."""
+PASSES, JOINTS, PAIRS, TESTED = "ccd.passes", "ik.joints", "pairs.contacting", "pairs"
+SKIPPED = 1
+"""Frames at the start without a figure: they fill caches [1]."""
+RISE = 1.25
+"""Least ratio of two levels of a curve that differ [1]: a quarter is seen in a plot."""
+LONG, BRIEF = 0.5, 1.0
+"""Least duration of a plateau, and largest one of a break between two [s]."""
+FIRST, SETTLED = 0.1, 0.3
+"""A first contact lasts until FIRST; the frames from then to SETTLED are those after it [s]."""
+FLICKER = 3
+"""Gaps of contact of so many frames or fewer are none [1]: a twentieth of a second is not seen."""
+Frames = tuple[int, int]
+"""First index of a stretch, and the one after its last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A scene over its frames: their ends [s], their seconds and those of each stage (medians over the
+    plays), and counters. `recording` is of one play, all frames included."""
+
+    scenario: Scenario
+    recording: Recording
+    time: Array
+    frame: Array
+    stages: Mapping[str, Array]
+    counts: Mapping[str, Array]
+
+    @property
+    def contacts(self) -> list[Frames]:
+        """Stretches in which pairs of the driven body are in contact."""
+        return runs(self.counts[PAIRS] > 0)
+
+    @property
+    def total(self) -> Array:
+        """Seconds of all stages per frame."""
+        return np.sum(list(self.stages.values()), axis=0)
+
+    def share(self, stage: str, chosen: NDArray[np.bool_] | None = None) -> float:
+        """Share of a stage in the time of all stages, over all or the chosen frames [1]."""
+        where = slice(None) if chosen is None else chosen
+        return float(self.stages[stage][where].sum() / self.total[where].sum())
+
+
+def series_of(scenario: Scenario, plays: Sequence[Recording]) -> Series:
+    """The series of several recordings of one scene in one process."""
+    one = plays[0]
+    frame = np.median([play.time_frame for play in plays], axis=0)
+    stages = np.median([play.stage_seconds for play in plays], axis=0)
+    return Series(
+        scenario,
+        one,
+        one.time[1 + SKIPPED :],
+        frame[SKIPPED:],
+        {str(name): stages[SKIPPED:, k] for k, name in enumerate(one.stage_names)},
+        {str(name): one.work[SKIPPED:, k] for k, name in enumerate(one.work_names)},
+    )
+
+
+def runs(flags: NDArray[np.bool_], gap: int = FLICKER) -> list[Frames]:
+    """Stretches of true frames, joined over gaps of up to `gap` frames."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
+    found: list[Frames] = []
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist()):
+        if found and first - found[-1][1] <= gap:
+            first = found.pop()[0]
+        found.append((first, end))
+    return found
+
+
+def is_plateau(part: Array, free: float) -> bool:
+    """Whether a curve rises over its `free` level and stays: three quarters of the frames are RISE times as
+    high, and the medians of both halves differ by less than RISE."""
+    first, second = halves(part)
+    return bool(np.quantile(part, 0.25) >= RISE * free and max(first, second) < RISE * min(first, second))
+
+
+def halves(part: Array) -> tuple[float, float]:
+    """Medians of both halves of a curve."""
+    middle = len(part) // 2
+    return float(np.median(part[:middle])), float(np.median(part[middle:]))
+
+
+def plateaus(curve: Array, contacts: Sequence[Frames], rate: int) -> list[Frames]:
+    """Stretches of contact that last LONG and are plateaus of a curve of `rate` frames per second, over its
+    median before all contact."""
+    if not contacts or contacts[0][0] == 0:
+        return []
+    free = float(np.median(curve[: contacts[0][0]]))
+    return [(a, b) for a, b in contacts if b - a >= LONG * rate and is_plateau(curve[a:b], free)]
+
+
+def first_contact(curve: Array, first: int, rate: int) -> tuple[float, float]:
+    """Peak of a curve within FIRST of a contact, and its median from there to SETTLED."""
+    early, late = first + round(FIRST * rate), first + round(SETTLED * rate)
+    return float(curve[first:early].max()), float(np.median(curve[early:late])) if early < len(curve) else 0.0
+
+
+def thirds(work: Array, answer: Array) -> tuple[list[float], list[float]]:
+    """Medians of `work` and of `answer` in the thirds of the frames in the order of their work."""
+    order = np.argsort(work, kind="stable")
+    low, high = (
+        [float(np.median(part)) for part in np.array_split(values[order], 3)] for values in (work, answer)
+    )
+    return low, high
+
+
+Scenes = Mapping[str, Series]
+
+
+class Ruling(NamedTuple):
+    """Deciding value and its bound, evidence, why the claim does not hold if so, and a second condition."""
+
+    value: float
+    bound: float
+    unit: str
+    evidence: str
+    reason: str
+    also: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A statement of the paper and its place there; `basis`: counts, times or poses; `scenes` it needs;
+    `relation` of the value to its bound."""
+
+    name: str
+    place: str
+    text: str
+    basis: str
+    scenes: tuple[str, ...]
+    relation: str
+    rule: Callable[[Scenes], Ruling]
+
+    def holds(self, found: Ruling) -> bool:
+        """Whether the value meets its bound, and the second condition holds."""
+        return RELATIONS[self.relation](found.value, found.bound) and found.also
+
+
+RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
+    ">=": operator.ge,
+    "<=": operator.le,
+    ">": operator.gt,
+    "=": operator.eq,
+}
+CLAIMS: list[Claim] = []
+Rule = Callable[[Scenes], Ruling]
+
+
+def claim(
+    name: str, place: str, text: str, basis: str, scenes: tuple[str, ...], relation: str
+) -> Callable[[Rule], Rule]:
+    """Add a claim to CLAIMS with the decorated rule."""
+
+    def add(rule: Rule) -> Rule:
+        CLAIMS.append(Claim(name, place, text, basis, scenes, relation, rule))
+        return rule
+
+    return add
+
+
+def micro(seconds: Iterable[float]) -> str:
+    """Times as text [µs]."""
+    return ", ".join(f"{1e6 * one:.3g}" for one in seconds) + " µs"
+
+
+def percent(*shares: float) -> str:
+    """Shares as text [%]."""
+    return ", ".join(f"{100 * one:.0f}" for one in shares) + " %"
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Counts as text."""
+    return ", ".join(f"{one:.0f}" for one in values)
+
 
 HANDS = ("table_slide", "ball_snip")
 PERSONS = ("two_arms", "wall_push", "arms_cross", "corner_slide")
@@ -66,7 +230,7 @@ FALLEN = 0.5
 FIG_7, FIG_8, RESULTS, TABLE, ARMS = "figure 7", "figure 8", "results", ("table_slide",), ("two_arms",)
 
 
-def slides(s: Series) -> tuple[list[Run], list[float], float]:
+def slides(s: Series) -> tuple[list[Frames], list[float], float]:
     """Plateaus of the frame time, their medians, and the median before all contact (infinite without) [s]."""
     found = plateaus(s.frame, s.contacts, s.scenario.frame_rate)
     free = float(np.median(s.frame[: s.contacts[0][0]])) if s.contacts else inf
@@ -74,7 +238,7 @@ def slides(s: Series) -> tuple[list[Run], list[float], float]:
 
 
 @claim("idle", FIG_7, "The hand moves around in the first half, at a level frame time.", "times", TABLE, ">=")
-def idle(scenes: Scenes) -> Finding:
+def idle(scenes: Scenes) -> Ruling:
     """No contact before IDLE of the scene; the medians of both halves of that differ by less than RISE."""
     s = scenes["table_slide"]
     first = s.contacts[0][0] if s.contacts else len(s.time)
@@ -82,36 +246,36 @@ def idle(scenes: Scenes) -> Finding:
     text = (
         f"no contact in the first {percent(share)} of the scene; median frame {micro(levels)} in its halves"
     )
-    return Finding(share, IDLE, "1", text, "the curve drifts", max(levels) < RISE * min(levels))
+    return Ruling(share, IDLE, "1", text, "the curve drifts", max(levels) < RISE * min(levels))
 
 
 @claim("plateaus", FIG_7, "Sliding over the table one way and back gives two plateaus of the frame time.",
        "times", TABLE, "=")  # fmt: skip
-def two_plateaus(scenes: Scenes) -> Finding:
+def two_plateaus(scenes: Scenes) -> Ruling:
     """Two stretches of contact are plateaus (`is_plateau`)."""
     found, levels, free = slides(scenes["table_slide"])
     text = f"median frame {micro(levels)} on plateaus, {micro([free])} in free motion"
-    return Finding(len(found), 2, "1", text, "expected two plateaus")
+    return Ruling(len(found), 2, "1", text, "expected two plateaus")
 
 
 @claim(
     "break", FIG_7, "The frame time falls off briefly between them, as contact breaks.", "times", TABLE, ">="
 )
-def gap(scenes: Scenes) -> Finding:
+def gap(scenes: Scenes) -> Ruling:
     """The lower plateau is RISE times the median between them, which lasts BRIEF at most."""
     s = scenes["table_slide"]
     found, levels, _ = slides(s)
     if len(found) != 2:
-        return Finding(0, RISE, "1", f"{len(found)} plateaus", "there is no break to measure")
+        return Ruling(0, RISE, "1", f"{len(found)} plateaus", "there is no break to measure")
     first, end = found[0][1], found[1][0]
     between, lasts = float(np.median(s.frame[first:end])), (end - first) / s.scenario.frame_rate
     text = f"median frame {micro([between])} in the {lasts:.2f} s between plateaus of {micro(levels)}"
-    return Finding(min(levels) / between, RISE, "1", text, "no fall, or not a brief one", lasts <= BRIEF)
+    return Ruling(min(levels) / between, RISE, "1", text, "no fall, or not a brief one", lasts <= BRIEF)
 
 
 @claim("ball spikes", FIG_7, "Spikes at the end are those of playing with the ball.",
        "counts, times", TABLE, ">=")  # fmt: skip
-def ball_spikes(scenes: Scenes) -> Finding:
+def ball_spikes(scenes: Scenes) -> Ruling:
     """Two or more groups of impacts, all after the plateaus and within FIRST, in frames over RISE times a
     plateau."""
     s = scenes["table_slide"]
@@ -122,7 +286,7 @@ def ball_spikes(scenes: Scenes) -> Finding:
     peaks = [float(s.frame[a:b].max()) for a, b in late]
     text = f"{len(late)} impacts of the ball after the slides, {len(hits) - len(late)} before, "
     text += f"in frames of {micro(peaks)}"
-    return Finding(
+    return Ruling(
         *(len(late), 2, "1", text, "no spikes, or not at the end"),
         len(late) == len(hits) and max(peaks, default=0.0) >= RISE * level,
     )
@@ -130,7 +294,7 @@ def ball_spikes(scenes: Scenes) -> Finding:
 
 @claim("three spikes", FIG_8, "Three pushes into the wall in the second half give three spikes.",
        "counts, times", ARMS, "=")  # fmt: skip
-def three_spikes(scenes: Scenes) -> Finding:
+def three_spikes(scenes: Scenes) -> Ruling:
     """Passes exceed half of their peak in three stretches, all in the second half, in frames over FALL times
     free motion."""
     s = scenes["two_arms"]
@@ -141,12 +305,12 @@ def three_spikes(scenes: Scenes) -> Finding:
     text = f"peaks of {numbers(peaks)} passes at {starts} s of {s.time[-1]:.0f} s, "
     text += f"in frames of up to {micro(times)}, {micro([free])} in free motion"
     late = bool(spikes) and spikes[0][0] >= len(passes) // 2 and min(times) >= FALL * free
-    return Finding(len(spikes), 3, "1", text, "not three spikes, or not in the second half", late)
+    return Ruling(len(spikes), 3, "1", text, "not three spikes, or not in the second half", late)
 
 
 @claim("fall off", FIG_8, "Each spike falls off quickly, as fewer iterations are needed.",
        "counts, times", ARMS, ">=")  # fmt: skip
-def fall_off(scenes: Scenes) -> Finding:
+def fall_off(scenes: Scenes) -> Ruling:
     """Passes and frame time within FIRST of each contact are FALL times those after it (`first_contact`)."""
     s = scenes["two_arms"]
     found = [
@@ -156,12 +320,12 @@ def fall_off(scenes: Scenes) -> Finding:
     ratio = min((peak / max(after, 1e-9) for row in found for peak, after in row), default=0.0)
     parts = ["; ".join(f"{peak:.0f} to {after:.0f}" for peak, after in row) for row in found]
     text = f"from the first 0.1 s to the next 0.2 s passes fall {parts[0]}; frames {parts[1]} µs"
-    return Finding(ratio, FALL, "1", text, "a spike keeps more than half of its height")
+    return Ruling(ratio, FALL, "1", text, "a spike keeps more than half of its height")
 
 
 @claim("coherence", RESULTS, "A limb's first contact takes more iterations than the frames that follow.",
        "counts", PERSONS, ">=")  # fmt: skip
-def coherence(scenes: Scenes) -> Finding:
+def coherence(scenes: Scenes) -> Ruling:
     """At MOST of the contacts after free motion the peak of passes is RISE times those that follow."""
     found = [
         (n, *first_contact(scenes[n].counts[PASSES], a, scenes[n].scenario.frame_rate))
@@ -171,7 +335,7 @@ def coherence(scenes: Scenes) -> Finding:
     share = float(np.mean([peak >= RISE * after for _, peak, after in found])) if found else 0.0
     text = "passes in the first 0.1 s of contact and in the next 0.2 s: "
     text += "; ".join(f"{n} {peak:.0f}, {after:.0f}" for n, peak, after in found)
-    return Finding(share, MOST, "1", text, "iterations do not fall after most first contacts")
+    return Ruling(share, MOST, "1", text, "iterations do not fall after most first contacts")
 
 
 def pooled(scenes: Scenes, value: Callable[[Series], Array], counter: str) -> Array:
@@ -181,7 +345,7 @@ def pooled(scenes: Scenes, value: Callable[[Series], Array], counter: str) -> Ar
 
 @claim("cost", RESULTS, "The cost of overlap avoidance with IK rises with CCD iterations and joints handled.",
        "times", PERSONS, ">=")  # fmt: skip
-def cost(scenes: Scenes) -> Finding:
+def cost(scenes: Scenes) -> Ruling:
     """Seconds of removal correlate with passes and with joints by ranks."""
     spent = pooled(scenes, lambda s: s.stages[REMOVAL], PASSES)
     passes, joints = (
@@ -196,12 +360,12 @@ def cost(scenes: Scenes) -> Finding:
         f"rank correlation of removal's seconds with passes {passes:.2f}, with joints {joints:.2f}; passes "
     )
     text += "per frame by cost: " + ", ".join(f"{n} {scenes[n].counts[PASSES].mean():.1f}" for n in order)
-    return Finding(min(passes, joints), CORRELATED, "1", text, "no clear correlation")
+    return Ruling(min(passes, joints), CORRELATED, "1", text, "no clear correlation")
 
 
 @claim("IK share", RESULTS, "IK's share of the frame time grows moderately with joints and iterations.",
        "times", PERSONS, ">=")  # fmt: skip
-def ik_share(scenes: Scenes) -> Finding:
+def ik_share(scenes: Scenes) -> Ruling:
     """From the lowest to the highest third of frames removal's share grows, by less than the work does."""
     share = pooled(scenes, lambda s: s.stages[REMOVAL] / s.total, PASSES)
     passes, by_passes = thirds(pooled(scenes, lambda s: s.counts[PASSES], PASSES), share)
@@ -210,12 +374,12 @@ def ik_share(scenes: Scenes) -> Finding:
     text = f"median share in thirds of the frames: {percent(*by_passes)} at {numbers(passes)} passes; "
     text += f"{percent(*by_joints)} at {numbers(joints)} joints"
     slower = growth[0] < passes[2] / passes[0] and growth[1] < joints[2] / joints[0]
-    return Finding(min(growth), GROWN, "1", text, "it does not grow, or as fast as the work", slower)
+    return Ruling(min(growth), GROWN, "1", text, "it does not grow, or as fast as the work", slower)
 
 
 @claim("pairs share", RESULTS, "Collision detection's share of the frame time grows with contacting pairs.",
        "times", PERSONS, ">=")  # fmt: skip
-def pairs_share(scenes: Scenes) -> Finding:
+def pairs_share(scenes: Scenes) -> Ruling:
     """Detection's share correlates with contacting pairs by ranks, over frames in contact."""
     pairs = pooled(scenes, lambda s: s.counts[PAIRS], PAIRS)
     share = pooled(scenes, lambda s: s.stages[COLLISION] / s.total, PAIRS)
@@ -229,33 +393,33 @@ def pairs_share(scenes: Scenes) -> Finding:
     text = f"rank correlation {found:.2f} over frames in contact; median share {percent(*shares)} at "
     text += f"{numbers(levels)} pairs"
     why = f"detection takes {micro(ours)} there, removal {micro(others)}"
-    return Finding(found, CORRELATED, "1", text, why)
+    return Ruling(found, CORRELATED, "1", text, why)
 
 
 @claim("corner contacts", RESULTS, "In the corner the arm is more tightly contacting, from two sides.",
        "counts", SCENES, ">")  # fmt: skip
-def corner_contacts(scenes: Scenes) -> Finding:
+def corner_contacts(scenes: Scenes) -> Ruling:
     """More pairs are in contact at a time than in any other scene."""
     most = {n: float(scenes[n].counts[PAIRS].max()) for n in SCENES}
     corner = most.pop("corner_slide")
     others = max(most.values())
     text = f"up to {corner:.0f} pairs in contact at a time, in the other scenes up to {others:.0f}"
-    return Finding(corner, others, "1", text, "no more than elsewhere")
+    return Ruling(corner, others, "1", text, "no more than elsewhere")
 
 
 @claim("corner cost", RESULTS, "The cost of collision detection rises accordingly in the corner.",
        "times", PERSONS, ">")  # fmt: skip
-def corner_cost(scenes: Scenes) -> Finding:
+def corner_cost(scenes: Scenes) -> Ruling:
     """Mean seconds of detection over frames in contact are more than in any other scene with a person."""
     spent = {n: float(scenes[n].stages[COLLISION][scenes[n].counts[PAIRS] > 0].mean()) for n in PERSONS}
     text = "mean time of detection over frames in contact: "
     text += ", ".join(f"{n} {micro([one])}" for n, one in spent.items())
     corner = spent.pop("corner_slide")
-    return Finding(corner, max(spent.values()), "s", text, "it costs as much elsewhere")
+    return Ruling(corner, max(spent.values()), "s", text, "it costs as much elsewhere")
 
 
 @claim("corner share", RESULTS, "Collision queries play a bigger role in the corner.", "times", PERSONS, ">")
-def corner_share(scenes: Scenes) -> Finding:
+def corner_share(scenes: Scenes) -> Ruling:
     """Detection's share over frames in contact is larger than in any other scene with a person."""
     touching = {n: scenes[n].counts[PAIRS] > 0 for n in PERSONS}
     shares = {n: scenes[n].share(COLLISION, touching[n]) for n in PERSONS}
@@ -263,59 +427,59 @@ def corner_share(scenes: Scenes) -> Finding:
     text += ", ".join(f"{n} {percent(share)}" for n, share in shares.items())
     corner = shares.pop("corner_slide")
     removal = scenes["corner_slide"].share(REMOVAL, touching["corner_slide"])
-    return Finding(corner, max(shares.values()), "1", text, f"removal with IK takes {percent(removal)} there")
+    return Ruling(corner, max(shares.values()), "1", text, f"removal with IK takes {percent(removal)} there")
 
 
 @claim("bottleneck", "conclusion", "Collision queries are the bottleneck.", "times", SCENES, "=")
-def bottleneck(scenes: Scenes) -> Finding:
+def bottleneck(scenes: Scenes) -> Ruling:
     """Detection is the largest stage of every scene."""
     largest = {n: max((s.share(stage), stage) for stage in s.stages) for n, s in scenes.items()}
     count = sum(stage == COLLISION for _, stage in largest.values())
     text = "largest stage: " + ", ".join(
         f"{n} {stage} {percent(share)}" for n, (share, stage) in largest.items()
     )
-    return Finding(count, len(scenes), "1", text, "removal with IK is larger where persons push")
+    return Ruling(count, len(scenes), "1", text, "removal with IK is larger where persons push")
 
 
 @claim(
     "frame rate", "abstract", "All scenes stay clearly above 30 fps, at 30 to 60 Hz.", "times", SCENES, ">="
 )
-def frame_rate(scenes: Scenes) -> Finding:
+def frame_rate(scenes: Scenes) -> Ruling:
     """The slowest frame of all scenes allows RATE."""
     slowest, name = max((float(s.frame.max()), n) for n, s in scenes.items())
     text = f"{1 / slowest:,.0f} per second at the slowest frame ({name}), undrawn, on a processor of today"
-    return Finding(1 / slowest, RATE, "1/s", text, "a frame is too slow")
+    return Ruling(1 / slowest, RATE, "1/s", text, "a frame is too slow")
 
 
 @claim("hand", RESULTS, "The hand is pushed back by pure translation; it uses no IK.", "counts", HANDS, "=")
-def hand_without_ik(scenes: Scenes) -> Finding:
+def hand_without_ik(scenes: Scenes) -> Ruling:
     """No passes of CCD, but rounds of translation."""
     passes, rounds = (float(sum(scenes[n].counts[c].sum() for n in HANDS)) for c in (PASSES, "rounds"))
     text = f"{passes:.0f} passes of CCD and {rounds:.0f} rounds of translation"
-    return Finding(passes, 0, "1", text, "joints are turned, or nothing is pushed", rounds > 0)
+    return Ruling(passes, 0, "1", text, "joints are turned, or nothing is pushed", rounds > 0)
 
 
 @claim("self-collision", "overlap avoidance", "Five chains in random order resolve overlap of arm with arm.",
        "poses", ("arms_cross",), "<=")  # fmt: skip
-def self_collision(scenes: Scenes) -> Finding:
+def self_collision(scenes: Scenes) -> Ruling:
     """Arms meet, and no frame shows overlap over RESOLVED."""
     s = scenes["arms_cross"]
     overlap = Context(s.recording, s.scenario).distances.overlap()
     frames = int((s.counts[PAIRS] > 0).sum())
     text = f"arms in contact in {frames} frames; deepest overlap {overlap.max():.1e} m, in the last frame "
     text += f"{overlap[-1]:.0e} m; the order of the chains is not varied here"
-    return Finding(float(overlap.max()), RESOLVED, "m", text, "arms overlap, or never meet", frames > 0)
+    return Ruling(float(overlap.max()), RESOLVED, "m", text, "arms overlap, or never meet", frames > 0)
 
 
 @claim("ball", "figure 1", "A finger snips a ball, which rolls off the table.", "poses", ("ball_snip",), "<=")
-def rolls_off(scenes: Scenes) -> Finding:
+def rolls_off(scenes: Scenes) -> Ruling:
     """In the last SETTLED before the edge the ball unrolls its path to within ROLLING; then it falls."""
     s = scenes["ball_snip"]
     r, ball = s.recording, s.scenario.body_index("ball")
     place, velocity = r.position[:, ball], r.linear_velocity[:, ball]
     edge = int(np.argmax(place[:, 0] > TABLE_HALF[0]))
     if edge == 0:
-        return Finding(inf, ROLLING, "1", "the ball does not reach the table's edge", "it stays")
+        return Ruling(inf, ROLLING, "1", "the ball does not reach the table's edge", "it stays")
     radius, last = place[0, 2] - TABLE_TOP, slice(max(0, edge - round(SETTLED * s.scenario.frame_rate)), edge)
     slip = velocity[last, 0] - radius * r.angular_velocity[last, ball, 1]
     path, drop = float(velocity[last, 0].sum()), float(place[0, 2] - place[-1, 2])
@@ -326,12 +490,12 @@ def rolls_off(scenes: Scenes) -> Finding:
     text += (
         f"{drop:.2f} m; its turn differs from its path by {percent(share)}, in frames by {percent(single)}"
     )
-    return Finding(share, ROLLING, "1", text, "it slides, or does not fall", drop >= FALLEN)
+    return Ruling(share, ROLLING, "1", text, "it slides, or does not fall", drop >= FALLEN)
 
 
 @claim("wall", "figure 2", "An avatar moves into a wall: the extended arm and a leg are pushed back.",
        "poses", ("wall_push",), ">=")  # fmt: skip
-def pushed_back(scenes: Scenes) -> Finding:
+def pushed_back(scenes: Scenes) -> Ruling:
     """Trackers of hand and foot are PUSHED deep in the wall, and what is shown does not overlap it."""
     s = scenes["wall_push"]
     wall, links = s.scenario.body_index("east_wall"), ("right_hand", "left_foot")
@@ -341,17 +505,17 @@ def pushed_back(scenes: Scenes) -> Finding:
     overlap = max(0.0, *(float(-shown[pair].min()) for pair in pairs))
     parts = ", ".join(f"{name} {100 * depth:.0f} cm" for name, depth in zip(links, depths))
     text = f"trackers reach into the wall ({parts}); the shown limbs overlap it by at most {overlap:.1e} m"
-    return Finding(min(depths), PUSHED, "m", text, "a limb enters, or is not pushed", overlap <= RESOLVED)
+    return Ruling(min(depths), PUSHED, "m", text, "a limb enters, or is not pushed", overlap <= RESOLVED)
 
 
 @claim("jumps", "figure 5", "Objects are separated without visual jumps or artifacts.", "poses", SCENES, "<=")
-def jumps(scenes: Scenes) -> Finding:
+def jumps(scenes: Scenes) -> Ruling:
     """No link moves in a frame by more than JUMP beyond what its tracker does."""
     found = {n: largest_jump(s) for n, s in scenes.items()}
     text = "largest way of a link in a frame beyond its tracker's own: "
     text += ", ".join(f"{n} {1e3 * way:.0f} mm" for n, (way, _) in found.items())
     way, link = max(found.values())
-    return Finding(way, JUMP, "m", text, f"largest: {link}")
+    return Ruling(way, JUMP, "m", text, f"largest: {link}")
 
 
 def largest_jump(s: Series) -> tuple[float, str]:

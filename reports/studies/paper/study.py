@@ -7,10 +7,19 @@ detected in every frame. Claims of the paper are judged on these series (`claims
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings
 from touchstone.adapters.recorder import record
@@ -18,11 +27,25 @@ from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, load
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, illustrate, save, save_manifest, table
-from touchstone.reports.studies.paper.claim import CLAIMS, Scenes
-from touchstone.reports.studies.paper.claims import SCENES
-from touchstone.reports.studies.paper.picture import draw
-from touchstone.reports.studies.paper.series import JOINTS, PAIRS, PASSES, Series, series_of
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.charts import figure
+from touchstone.reports.studies.paper.claims import (
+    CLAIMS,
+    COLLISION,
+    JOINTS,
+    PAIRS,
+    PASSES,
+    REMOVAL,
+    SCENES,
+    TESTED,
+    Scenes,
+    Series,
+    series_of,
+)
+from touchstone.reports.studies.study import kept, print_failures
+from touchstone.reports.views.pictures import INK, PALE
+from touchstone.reports.views.tables import exact_number
+from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
 
@@ -41,12 +64,10 @@ def run(repeats: int, out: Path, progress: Progress, engine: Engine | None = Non
     """Play, judge and store; the folder appears complete or not at all."""
     with output_folder(out) as folder:
         scenes, failures = played(engine or load(ENGINE), repeats, progress)
-        frame = table([*failures, *rows_of_scenes(scenes), *rows_of_claims(scenes)])
-        save(frame, folder)
-        save_manifest(folder, {"study": STUDY, "scenes": list(scenes), "repeats": repeats})
-        for kind in ("png", "svg"):
-            illustrate(folder / f"paper.{kind}", lambda part, kind=kind: draw(scenes, part, kind))  # type: ignore[misc]
-    return frame
+        rows = [*failures, *rows_of_scenes(scenes), *rows_of_claims(scenes)]
+        facts = {"study": STUDY, "scenes": list(scenes), "repeats": repeats}
+        pictures = {f"paper.{kind}": partial(draw_of, scenes, kind) for kind in ("png", "svg")}
+        return kept(rows, folder, facts, pictures)
 
 
 def played(engine: Engine, repeats: int, progress: Progress) -> tuple[Scenes, list[Row]]:
@@ -108,13 +129,167 @@ def rows_of_claims(scenes: Scenes) -> list[Row]:
             continue
         value, bound, unit, evidence, why, _ = finding = claim.rule(scenes)
         holds = claim.holds(finding)
-        found.append(
-            Row(
-                *(*key, value, unit, claim.name),
-                limit=bound,
-                basis=claim.basis,
-                reason=evidence if holds else f"{evidence}. Why: {why}",
-                reason_code=REPRODUCED if holds else NOT_REPRODUCED,
-            )
-        )
+        code, why_not = (REPRODUCED, "") if holds else (NOT_REPRODUCED, f". Why: {why}")
+        row = Row(*key, value, unit, claim.name, limit=bound, basis=claim.basis)
+        found.append(replace(row, reason=evidence + why_not, reason_code=code))
     return found
+
+
+HEADS = (
+    *("scene", "mean\n[µs]", "median\n[µs]", "p95\n[µs]", "colli-\nsion", "IK,\nremoval"),
+    *("CCD passes\nmean", "\npeak", "joints\nmean", "pairs\nmean", "\npeak", "frames/s\nat p95"),
+)
+NOTES = (
+    "in the order of the mean frame; shares of all stages; removal: of overlap, with IK, without detection;",
+    "means of passes, joints and pairs are per frame, over the frames that have any",
+)
+CLAIM_NOTE = "rests on: counts and poses repeat exactly, times do not; with the deciding value and its bound"
+VERDICT_STYLES = {REPRODUCED: "", NOT_REPRODUCED: "yellow"}
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print a line per scene, every claim with its evidence, and scenes that failed."""
+    scenes = table_of(
+        "paper: cost of a frame on the reference's profile `paper`", HEADS, padding=(0, 1, 0, 0)
+    )
+    values = {(row.scenario, row.metric, row.subject): row.value for row in rows_of(frame)}
+    for name in dict.fromkeys(frame[frame.metric == "paper.rate"].scenario):
+        scenes.add_row(name, *_cells({key[1:]: value for key, value in values.items() if key[0] == name}))
+    out.print(scenes)
+    print_notes(NOTES, out)
+    claims = Table(title="paper: what it claims", title_justify="left", box=SIMPLE, pad_edge=False, leading=1)
+    for head, width in (("claim", 32), ("measured", None), ("rests on", 13), ("verdict", 14)):
+        claims.add_column(head, width=width)
+    texts = {claim.name: claim for claim in CLAIMS}
+    judged = rows_of(frame[frame.metric == CLAIM])
+    for row in judged:
+        claim, verdict = texts[row.subject], row.reason_code or row.verdict
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        bound = f"{exact_number(row.value)} {claim.relation} {exact_number(row.limit)}{unit}"
+        claims.add_row(
+            Text.assemble(claim.text, " ", (f"({claim.place})", "dim")),
+            Text(row.reason),
+            Text.assemble(row.basis, "\n", (bound if row.reason_code else "", "dim")),
+            Text(verdict, style=VERDICT_STYLES.get(verdict, "dim")),
+        )
+    out.print(claims)
+    print_notes([CLAIM_NOTE], out)
+    count = sum(row.reason_code == REPRODUCED for row in judged)
+    out.print(f"{count} of {len(judged)} claims are reproduced", highlight=False)
+    print_failures(frame[frame.verdict == "error"], out)
+
+
+def _cells(mine: dict[tuple[str, str], float]) -> list[str]:
+    def of(metric: str, subject: str) -> float:
+        return mine[f"paper.{metric}", subject]
+
+    return [
+        *(exact_number(1e6 * of("frame", subject)) for subject in ("mean", "median", "p95")),
+        *(f"{100 * of('share', stage):.0f} %" for stage in (COLLISION, REMOVAL)),
+        *(f"{of('passes', 'mean'):.1f}", f"{of('passes', 'peak'):.0f}", f"{of('joints', 'mean'):.1f}"),
+        *(f"{of('pairs', 'mean'):.1f}", f"{of('pairs', 'peak'):.0f}", f"{of('rate', 'p95'):,.0f}"),
+    ]
+
+
+LINE, WORK, SHADE = "#0072B2", "#D55E00", "#EBEBEB"
+STAGES = {
+    COLLISION: ("collision detection", "#0072B2", "white"),
+    REMOVAL: ("overlap removal with IK", "#D55E00", "white"),
+    "drive": ("tracking and attraction", "#E69F00", INK),
+    "impulses": ("impulses", "#009E73", "white"),
+    "integration": ("integration", "#C9C9C9", INK),
+}
+"""Label, colour (of Okabe and Ito, safe for colour-blind readers), and that of the number on it."""
+LEAST_LABEL = 4.0
+"""Least share that has room for its number [%]."""
+
+
+class Panel(NamedTuple):
+    """A scene, its title, the counter below it with its label, and names of the stretches of contact."""
+
+    scene: str
+    title: str
+    counter: str
+    label: str
+    contacts: tuple[str, ...]
+
+
+PANELS = (
+    Panel("table_slide", "Figure 7: hand over a table", TESTED, "convex pairs\ntested",
+          ("slides\nthere", "slides\nback", "ball")),
+    Panel("two_arms", "Figure 8: two arms against a wall", PASSES, "CCD passes",
+          ("push 1", "push 2", "push 3")),
+)  # fmt: skip
+
+
+def draw_of(scenes: Scenes, kind: str, _: pd.DataFrame, path: Path) -> None:
+    """Draw the frame time over two scenes with contact shaded and the work below, and shares per scene."""
+    with figure(path, 11, 7.8, font=9.5, kind=kind, dpi=160) as drawn:
+        curves, shares = np.asarray(drawn.subfigures(2, 1, height_ratios=(2.1, 1), hspace=0.03))
+        grid = np.asarray(curves.subplots(2, 2, sharex="col", height_ratios=(2.1, 1)))
+        for column, panel in enumerate(PANELS):
+            if panel.scene in scenes:
+                _draw_time(grid[0, column], scenes[panel.scene], panel)
+                _draw_work(grid[1, column], scenes[panel.scene], panel)
+        _draw_shares(shares.subplots(), scenes)
+
+
+def _draw_time(axes: Axes, series: Series, panel: Panel) -> None:
+    _frame(axes, series)
+    axes.plot(series.time, 1e6 * series.frame, color=LINE, linewidth=1.1)
+    top = 1.2e6 * float(series.frame.max())
+    axes.set_ylim(0, top)
+    axes.set_ylabel("frame time [µs]", color=INK)
+    axes.set_title(f"{panel.title} ({panel.scene})", loc="left", color=INK, fontsize=10.5, fontweight="bold")
+    if len(series.contacts) == len(panel.contacts):
+        for (first, end), name in zip(series.contacts, panel.contacts):
+            middle = float(series.time[first] + series.time[end - 1]) / 2
+            axes.text(middle, 0.985 * top, name, ha="center", va="top", color=INK, fontsize=9)
+
+
+def _draw_work(axes: Axes, series: Series, panel: Panel) -> None:
+    counts = series.counts[panel.counter]
+    _frame(axes, series)
+    axes.fill_between(series.time, counts, step="mid", color=WORK, alpha=0.3, linewidth=0)
+    axes.step(series.time, counts, where="mid", color=WORK, linewidth=1.1)
+    axes.set_ylim(0, 1.15 * max(1.0, float(counts.max())))
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+    axes.set_ylabel(panel.label, color=INK)
+    axes.set_xlabel("time in the scene [s]; shaded: contact", color=INK)
+
+
+def _frame(axes: Axes, series: Series) -> None:
+    """Shade contact, and remove what carries no information."""
+    half = 0.5 / series.scenario.frame_rate
+    for first, end in series.contacts:
+        axes.axvspan(
+            series.time[first] - half, series.time[end - 1] + half, color=SHADE, linewidth=0, zorder=0
+        )
+    axes.set_xlim(0, float(series.time[-1]))
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(color=PALE, labelcolor=INK)
+
+
+def _draw_shares(axes: Axes, scenes: Scenes) -> None:
+    names = [f"{name}  {1e6 * series.frame.mean():.0f} µs" for name, series in scenes.items()]
+    left = np.zeros(len(names))
+    for stage, (label, colour, ink) in STAGES.items():
+        shares = np.array([100 * s.share(stage) if stage in s.stages else 0.0 for s in scenes.values()])
+        axes.barh(names, shares, left=left, color=colour, label=label, height=0.74, edgecolor="white")
+        for y, (start, share) in enumerate(zip(left, shares)):
+            if share >= LEAST_LABEL:
+                place = (start + share / 2, y)
+                axes.text(*place, f"{share:.0f}", ha="center", va="center_baseline", color=ink)
+        left += shares
+    axes.invert_yaxis()
+    axes.set_xlim(0, 100)
+    title = "Stages per scene, in the order of the mean frame (beside the names)"
+    axes.set_title(title, loc="left", pad=24, color=INK, fontsize=10.5, fontweight="bold")
+    axes.set_xlabel("share of the time of all frames [%]", color=INK)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(axis="y", length=0, labelcolor=INK)
+    axes.tick_params(axis="x", color=PALE, labelcolor=INK)
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(-0.01, 0.98), ncols=len(STAGES), frameon=False, labelcolor=INK,
+        columnspacing=1.5, handlelength=1.2,
+    )  # fmt: skip

@@ -7,9 +7,9 @@ from time import process_time
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsupported
 from touchstone.adapters.recorder import Player, ready
-from touchstone.adapters.workers.pool import EngineProcess, Slot
+from touchstone.reports.studies.tasks import Ended, Task
 from touchstone.reports.verdict.outcomes import class_of_end
-from touchstone.reports.verdict.random_outcomes import EXACT, FIRST_ORDER, Assessment, Bounds, judge_random
+from touchstone.reports.verdict.random_outcomes import EXACT, FIRST_ORDER, Assessment, RunBounds, judge_random
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import perturbed
@@ -23,7 +23,7 @@ PATIENCE = 300.0
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class SeededTask:
     """One run: the scene of a seed on an engine; `perturbation` displaces each body by that distance [m]."""
 
     engine: str
@@ -39,7 +39,7 @@ class Task:
         return perturbed(scenario, self.perturbation, self.seed) if self.perturbation else scenario
 
 
-def assess(engine: Engine, scenario: Scenario, settings: Settings, bounds: Bounds) -> Assessment:
+def assess(engine: Engine, scenario: Scenario, settings: Settings, bounds: RunBounds) -> Assessment:
     """Play a scene in this process and classify the run; a failed run is assessed up to its failure."""
     player: Player | None = None
     outcome, reason = "", ""
@@ -68,17 +68,16 @@ def _play(player: Player, scenario: Scenario) -> str:
     return ""
 
 
-def assess_task(engine: Engine, task: Task) -> Assessment:
+def assess_task(engine: Engine, task: Task | SeededTask) -> Assessment:
     """Play a task in this process, with the bounds of its engine."""
     bounds = EXACT if task.engine == "reference" else FIRST_ORDER
     return assess(engine, task.scenario, task.settings, bounds)
 
 
-def asked_of(slot: Slot[EngineProcess], task: object) -> Assessment:
-    """Assessment of a task by a process that calls `assess_task`; one that dies or hangs has its class."""
-    child = slot.child()
-    found: Assessment | None = child.ask("play", task)
-    if child.failure is None and found is not None:
+def assessment_of(found: Assessment | Ended) -> Assessment:
+    """Assessment of a task, or the class of one that ended its process."""
+    if not isinstance(found, Ended):
         return found
-    status, reason = child.failure or ("error", "no answer")
-    return Assessment(status if status == "skipped" else "hang" if child.hung else "error", reason)
+    return Assessment(
+        "hang" if found.hung else found.status if found.status == "skipped" else "error", found.reason
+    )

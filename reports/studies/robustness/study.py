@@ -9,29 +9,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
-from functools import partial
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from rich.console import Console
 
-from touchstone.adapters.contract import MISSING, Settings
-from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
-from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.registry import installed, load
+from touchstone.adapters.workers.pool import Loader
 from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, illustrate, save, save_manifest, table, write_beside
-from touchstone.reports.studies.robustness.picture import rise_over_residual
+from touchstone.reports.results import Row, rows_of, write_beside
+from touchstone.reports.studies.charts import figure, headline, logarithmic, open_axes, panels, rows_for
 from touchstone.reports.studies.robustness.play import (
     PATIENCE,
-    Task,
-    asked_of,
+    SeededTask,
     assess_task,
+    assessment_of,
 )
+from touchstone.reports.studies.study import Column, kept, missing_rows
+from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import RANDOM_CLASSES
-from touchstone.reports.verdict.random_outcomes import COUNTERS, Assessment
+from touchstone.reports.verdict.random_outcomes import COUNTERS, EXACT, Assessment
+from touchstone.reports.views.pictures import INK, PALE
+from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of
 
 STUDY = "robustness"
@@ -39,8 +45,6 @@ ALL = "all"
 """Scenario name of the rows over all kinds."""
 PROFILES = ("balanced", "accurate", "recommended")
 """Default profiles."""
-PROCESSES = 2
-"""Largest number of processes that play at a time."""
 WORST = 8
 """Number of runs that are listed per column and class."""
 SPREADS: dict[str, tuple[tuple[str, float], ...]] = {
@@ -65,15 +69,15 @@ OPEN = f"{STUDY}.solves.open"
 """Metric: share of contact solves with a residual over RESIDUAL_OPEN [1]."""
 METRICS = (*COUNTS, *(f"{STUDY}.{name}.{part}" for name, parts in SPREADS.items() for part, _ in parts), OPEN)
 """Metrics of the study's rows; each name begins with the study's."""
-Run = tuple[Task, Assessment]
+Assessed = tuple[SeededTask, Assessment]
 
 
 def tasks(
-    columns: Iterable[tuple[str, str]], scenes: int, seed: int, kind: str | None = None, size: float = 0.0
-) -> list[Task]:
+    columns: Iterable[Column], scenes: int, seed: int, kind: str | None = None, size: float = 0.0
+) -> list[SeededTask]:
     """The runs of `scenes` seeds from `seed` on, per (engine, profile) of an installed engine."""
     return [
-        Task(engine, Settings(profile, ENGINES[engine].profiles[profile]), seed + k, kind, size)
+        SeededTask(engine, Settings(profile, own_step(engine, profile)), seed + k, kind, size)
         for engine, profile in columns
         if installed(engine)
         for k in range(scenes)
@@ -81,8 +85,8 @@ def tasks(
 
 
 def run(
-    columns: Sequence[tuple[str, str]],
-    asked: Sequence[Task],
+    columns: Sequence[Column],
+    asked: Sequence[SeededTask],
     out: Path,
     progress: Progress,
     loader: Loader = load,
@@ -90,39 +94,18 @@ def run(
 ) -> pd.DataFrame:
     """Play all tasks and judge the columns; the folder appears complete or not at all."""
     with output_folder(out) as folder:
-        runs = played(asked, folder, progress, loader, patience)
-        rows = [
-            Row(STUDY, ALL, engine, profile, np.nan, "run", verdict=MISSING, reason=missing_reason(engine))
-            for engine, profile in columns
-            if not installed(engine)
-        ]
-        frame = table([*rows, *(judged(row, ()) for row in rows_of_runs(runs))])
-        save(frame, folder)
-        write_beside(folder / "runs.csv", lambda part: table_of_runs(runs).to_csv(part, index=False))
+        output = folder / "output"
+        found = played(assess_task, asked, output, progress, loader=loader, patience=patience)
+        runs = list(zip(asked, map(assessment_of, found)))
+        lines = table_of_runs(runs)
+        write_beside(folder / "runs.csv", lambda part: lines.to_csv(part, index=False))
+        rows = [*missing_rows(STUDY, columns), *(judged(row, ()) for row in rows_of_runs(runs))]
         seeds = [task.seed for task in asked]
-        save_manifest(folder, {"study": STUDY, "seeds": [min(seeds), max(seeds)] if seeds else []})
-
-        illustrate(folder / "robustness.png", lambda part: rise_over_residual(table_of_runs(runs), part))
-    return frame
+        facts = {"study": STUDY, "seeds": [min(seeds), max(seeds)] if seeds else []}
+        return kept(rows, folder, facts, {"robustness.png": lambda _, part: rise_over_residual(lines, part)})
 
 
-def played(
-    asked: Sequence[Task], folder: Path, progress: Progress, loader: Loader = load, patience: float = PATIENCE
-) -> list[Run]:
-    """Play tasks in processes; a process that dies or hangs gives a run of that class and is replaced."""
-
-    def one(slot: Slot[EngineProcess], task: Task) -> list[Run]:
-        return [(task, asked_of(slot, task))]
-
-    start = partial(EngineProcess, assess_task, loader=loader, patience=patience)
-    runs: dict[Task, Assessment] = {}
-    for task, found in Pool(start, min(PROCESSES, len(asked)), folder).each(asked, one):
-        runs[task] = found
-        progress(f"{task.engine} {task.settings.label}", 1)
-    return [(task, runs[task]) for task in asked]
-
-
-def rows_of_runs(runs: Sequence[Run]) -> list[Row]:
+def rows_of_runs(runs: Sequence[Assessed]) -> list[Row]:
     """Counts and spreads per column, over all kinds and per kind, and the worst runs with their commands."""
     rows: list[Row] = []
     columns = dict.fromkeys((task.engine, task.settings) for task, _ in runs)
@@ -161,31 +144,22 @@ def _figures(base: Row, found: list[Assessment]) -> list[Row]:
     return rows
 
 
-def _worst(base: Row, runs: Sequence[Run]) -> list[Row]:
+def _worst(base: Row, runs: Sequence[Assessed]) -> list[Row]:
     """The worst runs of every class but `ok`, with the command that repeats each."""
     rows = []
     for outcome in RANDOM_CLASSES[:-1]:
         these = [(task, found) for task, found in runs if found.outcome == outcome]
-        size = "residual" if outcome == "residual" else "overlap" if outcome == "overlap" else "gain"
-        size = outcome if outcome in ("rise", "momentum") else size
-        these.sort(key=lambda one: -np.nan_to_num(getattr(one[1], size), nan=0.0))
+        figure_of = outcome if outcome in ("residual", "overlap", "rise", "momentum") else "gain"
+        these.sort(key=lambda one: -np.nan_to_num(getattr(one[1], figure_of), nan=0.0))
         for task, found in these[:WORST]:
-            rows.append(
-                replace(
-                    base,
-                    scenario=kind_of(task.seed, task.kind),
-                    seed=task.seed,
-                    subject=outcome,
-                    value=float(getattr(found, size)),
-                    unit="m/s" if size == "residual" else "m" if size == "overlap" else "1",
-                    reason=found.reason,
-                    reproduce=line(task),
-                )
-            )
+            kind, value = kind_of(task.seed, task.kind), float(getattr(found, figure_of))
+            row = replace(base, scenario=kind, seed=task.seed, subject=outcome, value=value)
+            row = replace(row, unit=UNITS.get(figure_of, "1"), reason=found.reason)
+            rows.append(replace(row, reproduce=line(task)))
     return rows
 
 
-def line(task: Task) -> str:
+def line(task: SeededTask) -> str:
     """The command that repeats a task."""
     extra = f" --kind {task.kind}" if task.kind else ""
     extra += f" --perturbation {task.perturbation:g}" if task.perturbation else ""
@@ -195,23 +169,143 @@ def line(task: Task) -> str:
     )
 
 
-def table_of_runs(runs: Sequence[Run]) -> pd.DataFrame:
+def table_of_runs(runs: Sequence[Assessed]) -> pd.DataFrame:
     """Table with one line per run."""
     lines = []
     for task, found in runs:
         facts = asdict(found)
-        residuals = facts.pop("residuals")
-        counters = dict(zip(COUNTERS, facts.pop("counters")))
-        lines.append(
-            {
-                "seed": task.seed,
-                "kind": kind_of(task.seed, task.kind),
-                "engine": task.engine,
-                "profile": task.settings.label,
-                **facts,
-                "residual": found.residual,
-                "unsolved_frames": sum(value > RESIDUAL_OPEN for value in residuals),
-                **counters,
-            }
-        )
+        residuals, counters = facts.pop("residuals"), facts.pop("counters")
+        entry = {"seed": task.seed, "kind": kind_of(task.seed, task.kind)}
+        entry |= {"engine": task.engine, "profile": task.settings.label, **facts, "residual": found.residual}
+        entry["unsolved_frames"] = sum(value > RESIDUAL_OPEN for value in residuals)
+        lines.append(entry | dict(zip(COUNTERS, counters)))
     return pd.DataFrame(lines)
+
+
+FIGURES = {
+    "rise p50": "rise.p50",
+    "p99": "rise.p99",
+    "max": "rise.max",
+    "resid. p50": "residual.p50",
+    "p99.5": "residual.p995",
+    "max ": "residual.max",
+    "solves": "solves.open",
+    "overlap": "overlap.max",
+    "dropped": "dropped_time.max",
+    "frame": "slowest.max",
+}
+"""Headings of columns, and the metrics below them."""
+NOTES = (
+    "rise: of each run, the largest rise of energy in a frame over the energy at the start [1]",
+    "residual: of each frame, what the contact solver left [m/s]; solves: share of contact solves that leave",
+    "more than 1e-7 m/s [1]; overlap [m]; dropped: of each run, the time not simulated [s]; frame: the",
+    "slowest [s]",
+)
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print one table per column, then broken limits, then the worst runs with the commands that repeat
+    them."""
+    figures = frame[frame.metric != "run"]
+    for (engine, profile), part in figures.groupby(["engine", "profile"], sort=False):
+        seen = [
+            outcome
+            for outcome, metric in zip(RANDOM_CLASSES, COUNTS)
+            if part[(part.metric == metric) & (part.scenario == ALL)].value.sum() > 0
+        ]
+        shown = {head: f"{STUDY}.{name}" for head, name in FIGURES.items()}
+        shown = {head: metric for head, metric in shown.items() if (part.metric == metric).any()}
+        table = table_of(
+            f"robustness: {engine}, {profile}", ("kind", "runs", *seen, *shown), padding=(0, 1, 0, 0)
+        )
+        for kind in (*ALL_KINDS, ALL):
+            rows = {row.metric: row for row in rows_of(part[part.scenario == kind])}
+            if not rows:
+                continue
+            counts = {outcome: int(rows[metric].value) for outcome, metric in zip(RANDOM_CLASSES, COUNTS)}
+            if kind == ALL:
+                table.add_section()
+            table.add_row(
+                kind,
+                str(sum(counts.values())),
+                *(str(counts[outcome] or "") for outcome in seen),
+                *(_cell(rows.get(metric)) for metric in shown.values()),
+            )
+        out.print(table)
+    print_notes(NOTES, out)
+    for row in rows_of(figures[figures.verdict == "fail"]):
+        out.print(
+            f"limit broken: {row.engine} {row.profile}: {row.metric} = {short(row.value)}, "
+            f"limit {row.limit:g}: {row.reason}",
+            highlight=False,
+        )
+    for row in rows_of(frame[frame.metric == "run"]):
+        what = row.verdict or f"{row.subject} {short(row.value)} {row.scenario}"
+        text = ": ".join(part for part in (what, row.reproduce, row.reason) if part)
+        out.print(text, highlight=False, soft_wrap=True)
+
+
+def _cell(row: Row | None) -> str:
+    return "" if row is None else short(row.value)
+
+
+def short(value: float) -> str:
+    """A value as one digit and a power of ten."""
+    return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e") if value else "0"
+
+
+ACROSS = 2
+"""Number of panels side by side."""
+FLOOR = 1e-16
+"""Smaller figures, and 0, are drawn at this value: rounding."""
+CEILING = 1e3
+"""Larger and non-finite figures are drawn at this value: beyond it, the size of an explosion does not
+matter."""
+HUES = (
+    "#0072B2", "#56B4E9", "#009E73", "#88CC00", "#F0E442", "#E69F00",
+    "#D55E00", "#CC79A7", "#AA4499", "#882255", "#777777", "#000000",
+)  # fmt: skip
+"""Markers of the kinds of scene."""
+FAILED = ("hang", "non-finite", "exploded")
+"""Outcomes that are drawn even if the rise is unknown."""
+TICKS = (1e-16, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3)
+
+
+def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
+    """Draw one panel per engine and profile. Engines that report no residual are drawn at its left edge."""
+    known = runs[runs.rise.notna() | runs.outcome.isin(FAILED)] if len(runs) else runs
+    parts = list(known.groupby(["engine", "profile"], sort=False)) if len(known) else []
+    across = max(1, min(ACROSS, len(parts)))
+    with figure(path, 5.2 * across + 0.6, 4.2 * rows_for(len(parts), across) + 1.3, 9.5) as drawn:
+        grid = panels(drawn, len(parts), across, sharex=True, sharey=True)
+        for axes, ((engine, profile), part) in zip(grid, parts):
+            _panel(axes, part)
+            axes.set_title(f"{engine}, {profile}: {len(part)} runs", loc="left", color=INK, fontsize=10)
+        handles, labels = grid[0].get_legend_handles_labels() if grid else ([], [])
+        drawn.legend(handles, labels, loc="outside lower left", ncols=6, frameon=False, markerscale=1.6)
+        headline(drawn, "Random scenes: rise of energy and residual")
+        text = "largest rise of energy in a frame, over that at the start [1]"
+        drawn.supylabel(text, color=INK, fontsize=9.5)
+
+
+def _panel(axes: Axes, runs: pd.DataFrame) -> None:
+    for kind, hue in zip(ALL_KINDS, cycle(HUES)):
+        part = runs[runs.kind == kind]
+        if len(part):
+            axes.plot(
+                _drawn(part.residual, FLOOR), _drawn(part.rise, CEILING), "o", color=hue, label=kind,
+                markersize=3.5, markeredgewidth=0, alpha=0.75,
+            )  # fmt: skip
+    axes.axvline(RESIDUAL_OPEN, color=PALE, linewidth=0.8, linestyle=":")
+    axes.axhline(EXACT.rise, color=PALE, linewidth=0.8, linestyle=":")
+    axes.set_xlabel("largest residual of a frame [m/s]", color=INK, fontsize=9)
+    logarithmic(axes, TICKS, TICKS)
+    axes.set_xlim(FLOOR / 3, CEILING * 3)
+    axes.set_ylim(FLOOR / 3, CEILING * 3)
+    open_axes(axes)
+
+
+def _drawn(values: pd.Series, unknown: float) -> np.ndarray:
+    """Values clipped to the picture's range; unknown and non-finite ones are `unknown`."""
+    found = values.to_numpy(dtype=float)
+    return np.clip(np.where(np.isfinite(found), found, unknown), FLOOR, CEILING)

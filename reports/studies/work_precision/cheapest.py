@@ -27,7 +27,7 @@ class ToleranceError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class MeasuredSetting:
     """A measured setting of one scene.
 
     Attributes:
@@ -51,7 +51,7 @@ class Setting:
     tightest: str
     command: str
 
-    def overlaps(self, other: Setting) -> bool:
+    def overlaps(self, other: MeasuredSetting) -> bool:
         """Whether the intervals of both times overlap: the rounds do not say which is faster."""
         return self.time_low <= other.time_high and other.time_low <= self.time_high
 
@@ -65,10 +65,10 @@ class Answer:
     """
 
     met: bool
-    best: Setting
-    runner_up: Setting | None
-    other_engine: Setting | None
-    tied: tuple[Setting, ...] = ()
+    best: MeasuredSetting
+    runner_up: MeasuredSetting | None
+    other_engine: MeasuredSetting | None
+    tied: tuple[MeasuredSetting, ...] = ()
 
 
 def tolerance(text: str, unit: str, option: str) -> float:
@@ -89,7 +89,7 @@ def tolerance(text: str, unit: str, option: str) -> float:
     return value
 
 
-def settings_of_scene(table: pd.DataFrame, frame_rate: float) -> list[Setting]:
+def settings_of_scene(table: pd.DataFrame, frame_rate: float) -> list[MeasuredSetting]:
     """All settings of a scene that were timed, by their time.
 
     Args:
@@ -103,11 +103,13 @@ def settings_of_scene(table: pd.DataFrame, frame_rate: float) -> list[Setting]:
         errors = dict(zip(part.quantity, part.error))
         label = (first.engine, first.profile, first.settings, float(first["dt"]))
         time, low, high = (float(first[name]) / frame_rate for name in ("time", "time_low", "time_high"))
-        found.append(Setting(*label, time, low, high, errors, 0.0, "", first.reproduce))
+        found.append(MeasuredSetting(*label, time, low, high, errors, 0.0, "", first.reproduce))
     return sorted(found, key=lambda one: one.time)
 
 
-def cheapest(known: Sequence[Setting], limits: Mapping[str, float], engine: str = "") -> Answer | None:
+def cheapest(
+    known: Sequence[MeasuredSetting], limits: Mapping[str, float], engine: str = ""
+) -> Answer | None:
     """The cheapest setting within all limits, or the one that misses them by the least factor.
 
     Args:
@@ -119,7 +121,7 @@ def cheapest(known: Sequence[Setting], limits: Mapping[str, float], engine: str 
     """
     quantities = limits.keys() - {TIME}
     mine = [
-        _rated(one, limits)
+        rated(one, limits)
         for one in known
         if (not engine or one.engine == engine) and quantities <= one.errors.keys()
     ]
@@ -135,7 +137,7 @@ def cheapest(known: Sequence[Setting], limits: Mapping[str, float], engine: str 
     return Answer(True, best, within[1] if len(within) > 1 else None, others[0] if others else None, tied)
 
 
-def _rated(setting: Setting, limits: Mapping[str, float]) -> Setting:
+def rated(setting: MeasuredSetting, limits: Mapping[str, float]) -> MeasuredSetting:
     """The setting with its largest ratio to a limit."""
     values = {**setting.errors, TIME: setting.time}
     ratios = {name: _ratio(values[name], limit) for name, limit in limits.items()}

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from touchstone.adapters.registry import ENGINES
-from touchstone.reports.sweep.cells import Cell, grid
+from touchstone.adapters.knobs import Choice
+from touchstone.adapters.registry import settings_of
+from touchstone.reports.studies.tasks import own_profile
+from touchstone.reports.sweep.cells import CATALOGUE, PERTURBED, Cell, grid
 from touchstone.scenarios.catalogue import tagged
 
 STUDY = "work-precision"
@@ -35,7 +37,6 @@ TRUTH_ENGINE, TRUTH_PROFILE = REFERENCE, "accurate"
 """Who plays the converged solution of scenes, or quantities, without a closed form."""
 PERTURBED_SEEDS = (0, 1)
 """Perturbed runs that measure the horizon."""
-PERTURBED = "touchstone.reports.sweep.scenes:perturbed_scene"
 HORIZON_DISTANCE = 1e-4
 """Distance from the unperturbed run beyond which a scene is no longer compared [m]: a perturbation of 1e-6 m
 has grown by a hundred; a tenth of the tolerance of positions."""
@@ -98,7 +99,7 @@ def scenes(quick: bool = False) -> tuple[str, ...]:
 
 def profiles_of(engine: str) -> tuple[str, ...]:
     """Profiles of an engine that are played at all steps."""
-    return PROFILES.get(engine, (next(iter(ENGINES[engine].profiles)),))
+    return PROFILES.get(engine, (own_profile(engine),))
 
 
 def measured_cells(names: Sequence[str], engines: Sequence[str], quick: bool = False) -> list[Cell]:
@@ -116,11 +117,45 @@ def measured_cells(names: Sequence[str], engines: Sequence[str], quick: bool = F
     return list(dict.fromkeys(cells))
 
 
-def truth_cells(names: Sequence[str]) -> list[Cell]:
-    """Converged solutions, their checks at half the step, and perturbed runs."""
-    column = [(TRUTH_ENGINE, TRUTH_PROFILE)]
+def truth_cells(scene: str, sources: tuple[str, str] = (CATALOGUE, PERTURBED)) -> list[Cell]:
+    """Converged solution of a scene, its check at half the step, a plain run and perturbed ones.
+
+    Args:
+        sources: of the scene, and of the scene moved by a little.
+    """
+    column, (plain, moved) = (scene, TRUTH_ENGINE, TRUTH_PROFILE), sources
     return [
-        *grid(names, column, steps=(FINE, FINER)),
-        *grid(names, column, steps=(1 / 240,)),
-        *grid(names, column, steps=(1 / 240,), seeds=PERTURBED_SEEDS, source=PERTURBED),
+        *(Cell(*column, dt, source=plain) for dt in (FINE, FINER, 1 / 240)),
+        *(Cell(*column, 1 / 240, seed=seed, source=moved) for seed in PERTURBED_SEEDS),
     ]
+
+
+BASE, WHOLE = "balanced", ("paper", "accurate")
+"""Profile in which one setting changes at a time, and profiles that are compared with it as a whole."""
+NOWHERE = "-"
+"""Stands for the profile of a value that no profile has."""
+
+
+def changes() -> dict[str, str]:
+    """Change of one setting of `balanced` -> the profile that has its value: of a choice every other value,
+    of a number that of `accurate`."""
+    table = settings_of(REFERENCE)
+    found: dict[str, str] = {}
+    for setting in table.values():
+        base, other = (setting.profiles[table.column(profile)] for profile in (BASE, "accurate"))
+        values = list(setting.values) if isinstance(setting, Choice) else [other]
+        for value in values:
+            if value != base:
+                found[f"{setting.name}={value}"] = "accurate" if value == other else NOWHERE
+    return found
+
+
+def ladder_cells(names: Sequence[str]) -> list[Cell]:
+    """Cells of the other profiles, and of `balanced` with one change each."""
+    whole = grid(names, [(REFERENCE, profile) for profile in WHOLE])
+    single = [
+        cell
+        for change in changes()
+        for cell in grid(names, [(REFERENCE, BASE)], changes=[f"{REFERENCE}.{change}"])
+    ]
+    return [*whole, *single]

@@ -24,7 +24,7 @@ CLOSED_FORM, CONVERGED, NOT_CONVERGED = "closed form", "converged", "not converg
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class CellRun:
     """What a cell left: its rows, centres of mass (f, n, 3) [m] of the moving bodies, seconds per frame."""
 
     rows: pd.DataFrame
@@ -39,7 +39,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class TrueMotion:
     """The true motion of a scene.
 
     Attributes:
@@ -59,28 +59,32 @@ class Truth:
     events: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
 
-def run_of(rows: pd.DataFrame, scenario: Scenario) -> Run | None:
+def run_of(rows: pd.DataFrame, scenario: Scenario) -> CellRun | None:
     """Rows of one cell, with its series; None if it did not end."""
     if rows.empty or (rows.outcome != "done").any():
         return None
     series = {m: np.asarray(s, dtype=float) for m, s in zip(rows.metric, rows.series) if s is not None}
-    return Run(rows, series[PATH].reshape(-1, len(moving(scenario)), 3), series[FRAMES])
+    return CellRun(rows, series[PATH].reshape(-1, len(moving(scenario)), 3), series[FRAMES])
 
 
 def truth_of(
-    scenario: Scenario, fine: Run | None, finer: Run | None, perturbed: Mapping[str, Iterable[Run]]
-) -> Truth | None:
+    scenario: Scenario,
+    fine: CellRun | None,
+    finer: CellRun | None,
+    plain: CellRun | None,
+    perturbed: Iterable[CellRun],
+) -> TrueMotion | None:
     """The true motion: positions from the closed form if there is one, all else from the converged solution.
 
     Args:
         fine, finer: the converged solution and its check at half the step, which is the better of both.
-        perturbed: {"plain": [run], "perturbed": [runs]} at one step.
+        plain, perturbed: runs at one step, of the scene as it is and moved by a little.
     """
     closed = closed_path(scenario)
     if closed is None and finer is None:
         return None
     path = closed if closed is not None else finer.path  # type: ignore[union-attr]
-    horizon = _horizon(perturbed, len(path) - 1)
+    horizon = _horizon(plain, perturbed, len(path) - 1)
     change: dict[str, float] = {}
     events: dict[tuple[str, str], float] = {}
     if fine is not None and finer is not None:
@@ -97,7 +101,7 @@ def truth_of(
         source["position"] = CLOSED_FORM
     for name in ("overlap", "energy", "friction"):
         source[name] = CLOSED_FORM
-    return Truth(path, horizon, _energy_scale(scenario, path), source, change, events)
+    return TrueMotion(path, horizon, _energy_scale(scenario, path), source, change, events)
 
 
 def closed_path(scenario: Scenario) -> Array | None:
@@ -116,14 +120,15 @@ def distance(one: Array, other: Array, horizon: int) -> float:
     return float(np.linalg.norm(one[:last] - other[:last], axis=-1).max())
 
 
-def _horizon(perturbed: Mapping[str, Iterable[Run]], last: int) -> int:
+def _horizon(plain: CellRun | None, perturbed: Iterable[CellRun], last: int) -> int:
     """Last frame before a perturbed run is farther than HORIZON_DISTANCE from the unperturbed one."""
     found = last
-    for plain in perturbed.get("plain", ()):
-        for other in perturbed.get("perturbed", ()):
-            apart = np.linalg.norm(plain.path - other.path, axis=-1).max(axis=1)
-            beyond = np.flatnonzero(apart > HORIZON_DISTANCE)
-            found = min(found, int(beyond[0]) - 1 if len(beyond) else last)
+    for other in perturbed:
+        if plain is None:
+            break
+        apart = np.linalg.norm(plain.path - other.path, axis=-1).max(axis=1)
+        beyond = np.flatnonzero(apart > HORIZON_DISTANCE)
+        found = min(found, int(beyond[0]) - 1 if len(beyond) else last)
     return max(found, 1)
 
 
@@ -135,7 +140,7 @@ def _energy_scale(scenario: Scenario, path: Array) -> float:
     return float(max(kinetic, mass.sum() * 9.81 * LEAST_DROP))
 
 
-def errors_of(run: Run, truth: Truth) -> dict[str, float]:
+def errors_of(run: CellRun, truth: TrueMotion) -> dict[str, float]:
     """Error of a run per quantity; a quantity that does not apply is missing.
 
     A body that passed through another has an infinite error of overlap, an event that did not happen one of
@@ -159,7 +164,7 @@ def errors_of(run: Run, truth: Truth) -> dict[str, float]:
     return found
 
 
-def _energy(run: Run, scale: float) -> float | None:
+def _energy(run: CellRun, scale: float) -> float | None:
     """Energy gained or lost without a cause, over the scale.
 
     Of the whole scene where nothing does work, else of the simulated bodies, else of all.

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
+from math import inf, log
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
+from rich.console import Console
+from rich.table import Table
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import save_manifest, write_beside
+from touchstone.reports.results import illustrate, save_manifest, write_beside
+from touchstone.reports.run.request import step_text
+from touchstone.reports.studies.charts import figure, logarithmic, open_axes
 from touchstone.reports.studies.work_precision.definitions import (
     QUANTITIES,
     QUICK_LADDER,
@@ -21,21 +31,21 @@ from touchstone.reports.studies.work_precision.definitions import (
     REFERENCE,
     REPEATS,
     STUDY,
+    ladder_cells,
     measured_cells,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.fronts import fronts
-from touchstone.reports.studies.work_precision.ladder import ladder
-from touchstone.reports.studies.work_precision.ladder_cells import ladder_cells
-from touchstone.reports.studies.work_precision.points import points, timing_cell
-from touchstone.reports.sweep.cells import Cell
+from touchstone.reports.studies.work_precision.errors import NOT_CONVERGED
+from touchstone.reports.studies.work_precision.points import fronts, ladder, points, timing_cell
+from touchstone.reports.sweep.cells import ACCURACY, Cell
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.sweep import quietly, sweep
 from touchstone.reports.sweep.timing_rounds import TimingRounds
+from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
 from touchstone.scenarios.catalogue import catalogue
 
 
-class Plan:
+class StudyCells:
     """Cells of the study: measured ones (accuracy and time), ladder (the same), truths (accuracy only)."""
 
     def __init__(
@@ -46,7 +56,7 @@ class Plan:
         self.measured = measured_cells(names, engines or tuple(ENGINES), quick)
         climbed = [name for name in names if not quick or name in QUICK_LADDER]
         self.ladder = ladder_cells(climbed) if with_ladder and REFERENCE in (engines or ENGINES) else []
-        self.truths = truth_cells(names)
+        self.truths = [cell for name in names for cell in truth_cells(name)]
 
     @property
     def accuracy(self) -> list[Cell]:
@@ -73,67 +83,263 @@ def _size(scene: str) -> float:
     return len(scenario.bodies) * scenario.duration
 
 
-class Phases:
-    """Wall time of the parts of a study [s], by name."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def phase(self, name: str) -> Iterator[None]:
-        """Time what happens meanwhile."""
-        start = perf_counter()
-        yield
-        self.seconds[name] = perf_counter() - start
-
-
 def measure(
-    plan: Plan,
-    store: Path,
-    jobs: int | None = None,
-    progress: Progress = quietly,
-    phases: Phases | None = None,
+    asked: StudyCells, store: Path, jobs: int | None = None, progress: Progress = quietly
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Measure what the store lacks; returns the tables of points and of the ladder."""
-    phases = phases or Phases()
-    with phases.phase("accuracy"):
-        accuracy = sweep(plan.accuracy, store, jobs=jobs, progress=progress, series=True)
+    """Measure what the store lacks; returns the tables of points and of the ladder.
+
+    `attrs["seconds"]` of the first has the wall time of each part [s].
+    """
+    starts = [perf_counter()]
+    accuracy = sweep(asked.accuracy, store, jobs=jobs, progress=progress, series=True)
+    starts.append(perf_counter())
     ended = set(accuracy[(accuracy.metric == "run") & (accuracy.outcome == "done")].cell)
-    done = {(c.scenario, c.engine, c.profile, c.dt, c.changes) for c in plan.accuracy if hash_of(c) in ended}
-    timed = [c for c in plan.timing if (c.scenario, c.engine, c.profile, c.dt, c.changes) in done]
-    with phases.phase("timing"):
-        timing = sweep(timed, store, executor=TimingRounds, progress=progress, series=True)
-    with phases.phase("errors"):
-        frame = pd.concat([accuracy, timing], ignore_index=True)
-        table = points(frame, plan.measured, plan.rounds)
-        rungs = ladder(frame, plan.ladder)
+    done = {cell for cell in asked.accuracy if hash_of(cell) in ended}
+    timed = [cell for cell in asked.timing if replace(cell, measure=ACCURACY, repeat=0) in done]
+    timing = sweep(timed, store, executor=TimingRounds, progress=progress, series=True)
+    starts.append(perf_counter())
+    frame = pd.concat([accuracy, timing], ignore_index=True)
+    table, rungs = points(frame, asked.measured, asked.rounds), ladder(frame, asked.ladder)
+    spent = np.diff([*starts, perf_counter()]).tolist()
+    table.attrs["seconds"] = dict(zip(("accuracy", "timing", "errors"), spent))
     return table, rungs
 
 
 def run(
-    plan: Plan, store: Path, out: Path, jobs: int | None = None, progress: Progress = quietly
+    asked: StudyCells, store: Path, out: Path, progress: Progress = quietly, jobs: int | None = None
 ) -> pd.DataFrame:
     """Measure, draw and store; the folder `out` appears complete or not at all, `store` keeps every cell."""
-    from touchstone.reports.studies.work_precision.picture import draw
-
-    phases = Phases()
     with output_folder(out) as folder:
-        table, rungs = measure(plan, store, jobs, progress, phases)
+        table, rungs = measure(asked, store, jobs, progress)
         found = fronts(table)
         for name, frame in (("results", table), ("fronts", found), ("ladder", rungs)):
             write_beside(folder / f"{name}.parquet", partial(frame.to_parquet, index=False))
             write_beside(folder / f"{name}.csv", partial(frame.to_csv, index=False))
-        with phases.phase("pictures"):
-            draw(table, folder)
-        save_manifest(
-            folder,
-            {
-                "study": STUDY,
-                "store": str(store),
-                "rounds of timing": plan.rounds,
-                "seconds": {name: round(value, 1) for name, value in phases.seconds.items()},
-                "quantities": {q.name: q.meaning for q in QUANTITIES.values()},
-            },
-        )
-    table.attrs |= {"fronts": found, "ladder": rungs, "seconds": phases.seconds}
+        start = perf_counter()
+        draw(table, folder)
+        table.attrs["seconds"]["pictures"] = perf_counter() - start
+        facts = {
+            "study": STUDY,
+            "store": str(store),
+            "rounds of timing": asked.rounds,
+            "seconds": {name: round(value, 1) for name, value in table.attrs["seconds"].items()},
+            "quantities": {q.name: q.meaning for q in QUANTITIES.values()},
+        }
+        save_manifest(folder, facts)
+    table.attrs |= {"fronts": found, "ladder": rungs}
     return table
+
+
+LADDER_SHOWN = 1.25
+"""Change of an error, up or down, from which a rung of the ladder is shown."""
+
+
+def number(value: float, unit: str) -> str:
+    """A value with its unit, in a readable multiple of it."""
+    scales = {"m": ((1e-3, "mm"), (1e-6, "um"), (1e-9, "nm")), "s": ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"))}
+    if unit == "1":
+        return f"{100 * value:.3g} %"
+    if value == 0:
+        return f"0 {unit}"
+    for scale, name in scales[unit]:
+        if value >= scale:
+            return f"{value / scale:.3g} {name}"
+    return f"{value / scale:.2g} {name}"
+
+
+def show(table: pd.DataFrame, console: Console) -> None:
+    """Print the cheapest point of each engine that meets the usual tolerance, the fronts, and the ladder."""
+    _answers(table, console)
+    _unconverged(table, console)
+    fronts = table.attrs.get("fronts")
+    if fronts is not None and len(fronts):
+        _losses(fronts, console)
+    ladder = table.attrs.get("ladder")
+    if ladder is not None and len(ladder):
+        _ladder(ladder, console)
+    failed = table[table.quantity == ""]
+    for row in _rows(failed):
+        console.print(f"{row.reproduce.removeprefix('touchstone run ')}: {row.outcome}: {row.reason}")
+    seconds = table.attrs.get("seconds")
+    if seconds:
+        parts = ", ".join(f"{name} {value:.0f} s" for name, value in seconds.items())
+        console.print(f"The study took {sum(seconds.values()):.0f} s: {parts}.")
+
+
+def _table(title: str, left: Sequence[str], right: Sequence[str], last: Sequence[str] = ()) -> Table:
+    shown = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for head in (*left, *right, *last):
+        shown.add_column(head, justify="right" if head in right else "left")
+    return shown
+
+
+def _unconverged(table: pd.DataFrame, console: Console) -> None:
+    """Scenes whose truth still changes with its step: their errors cannot be smaller than that change."""
+    part = table[table.truth == NOT_CONVERGED].drop_duplicates(["scenario", "quantity"])
+    for row in _rows(part):
+        change = number(row.truth_change, row.unit)
+        console.print(
+            f"{row.scenario}, {row.quantity}: the truth has not converged, half the step changes it by "
+            f"{change} within {row.horizon:.3g} s"
+        )
+
+
+def _answers(table: pd.DataFrame, console: Console) -> None:
+    engines = list(dict.fromkeys(table.engine))
+    title = "Cheapest measured time per simulated second within the usual tolerance"
+    shown = _table(title, left=("scene", "quantity"), right=("tolerance", *engines))
+    usable = table[(table.quantity != "") & table.time.notna()]
+    for (scene, quantity), part in usable.groupby(["scenario", "quantity"], sort=False):
+        one = QUANTITIES[str(quantity)]
+        cells = []
+        for engine in engines:
+            mine = part[part.engine == engine]
+            within = mine[mine.error <= one.tolerance]
+            if not within.empty:
+                best = within.loc[within.time.idxmin()]
+                cells.append(f"{number(best.time, 's')} at {step_text(best['dt'])}")
+            elif not mine.empty:
+                cells.append(f"best {number(mine.error.min(), one.unit)}")
+            else:
+                cells.append("-")
+        shown.add_row(str(scene), str(quantity), number(one.tolerance, one.unit), *cells)
+    console.print(shown)
+
+
+def _losses(fronts: pd.DataFrame, console: Console) -> None:
+    won, total = int(fronts.dominates.sum()), len(fronts)
+    console.print(f"\nThe reference's front dominates {won} of {total} fronts (scene, quantity, engine).")
+    lost = fronts[~fronts.dominates].sort_values("factor", ascending=False)
+    for _, part in lost.groupby(["scenario", "engine", "where", "why"], sort=False):
+        first = part.iloc[0]
+        by = "" if first.factor == inf else f" by {first.factor:.3g}"
+        quantities = ", ".join(part.quantity)
+        console.print(f"  {first.scenario}, {quantities}: {first.engine}{by}: {first.why} ({first['where']})")
+
+
+def _ladder(ladder: pd.DataFrame, console: Console) -> None:
+    """Changes of `balanced` that change an error or the time."""
+    title = "\nProfiles against balanced, and one setting of balanced at a time: errors and time"
+    shown = _table(title, left=("setting", "as in"), right=("time",), last=("changes",))
+    for (change, towards), part in ladder.groupby(["change", "towards"], sort=False):
+        moved = []
+        for row in _rows(part):
+            floor = QUANTITIES[row.quantity].floor
+            before, after = max(row.before, floor), max(row.after, floor)
+            if not 1 / LADDER_SHOWN < after / before < LADDER_SHOWN:
+                values = f"{number(row.before, row.unit)} -> {number(row.after, row.unit)}"
+                moved.append((abs(_log(after / before)), f"{row.scenario} {row.quantity} {values}"))
+        texts = [text for _, text in sorted(moved, reverse=True)]
+        more = f"; {len(texts) - 3} more" if len(texts) > 3 else ""
+        times = part.drop_duplicates("scenario").time_ratio
+        shown.add_row(
+            str(change), str(towards), f"{times.median():.2f} x", "; ".join(texts[:3]) + more or "none"
+        )
+    console.print(shown)
+
+
+def _rows(frame: pd.DataFrame) -> Iterator[Any]:
+    """Rows as named tuples."""
+    return iter(frame.itertuples())
+
+
+def _log(ratio: float) -> float:
+    return log(ratio) if 0 < ratio < inf else inf
+
+
+STYLES: dict[str, Any] = {"paper": ":", "balanced": "-", "accurate": "--"}
+"""Line styles of the reference's profiles; others are solid."""
+FRONT = "#bbbbbb"
+MOST_ROWS = 6
+"""Scenes of one picture; more go into further files."""
+HOLLOW: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 4.5,
+    "markerfacecolor": "white",
+    "markeredgecolor": INK,
+}
+TOLERANCE: dict[str, Any] = {"color": PALE, "linestyle": (0, (1, 2))}
+
+
+def draw(table: pd.DataFrame, folder: Path) -> list[Path]:
+    """Write `work_precision.svg` and `.png`, with a number for every further set of scenes."""
+    usable = table[(table.quantity != "") & table.time.notna() & np.isfinite(table.error)]
+    scenes = list(dict.fromkeys(usable.scenario))
+    groups = [scenes[k : k + MOST_ROWS] for k in range(0, len(scenes), MOST_ROWS)]
+    written = []
+    for number, group in enumerate(groups, start=1):
+        for kind in ("svg", "png"):
+            path = folder / f"work_precision{'' if number == 1 else f'_{number}'}.{kind}"
+            illustrate(path, partial(picture, usable, group, kind))
+            written.append(path)
+    return written
+
+
+def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -> None:
+    """Draw a row per scene and a column per quantity that any of them has."""
+    quantities = [name for name in QUANTITIES if name in set(table[table.scenario.isin(scenes)].quantity)]
+    size = (2.7 * len(quantities) + 0.5, 2.1 * len(scenes) + 0.9)
+    with figure(path, *size, font=8.5, kind=kind, style={"svg.fonttype": "none"}) as drawn:
+        grid = drawn.subplots(len(scenes), len(quantities), squeeze=False)
+        for row, scene in zip(grid, scenes):
+            for axes, quantity in zip(row, quantities):
+                part = table[(table.scenario == scene) & (table.quantity == quantity)]
+                _panel(axes, part, quantity)
+            row[0].set_ylabel(scene, fontsize=10, color=INK, fontweight="bold")
+        for axes, quantity in zip(grid[0], quantities):
+            unit = QUANTITIES[quantity].unit
+            axes.set_title(f"{quantity}{'' if unit == '1' else f' [{unit}]'}", fontsize=10, color=INK)
+        for axes in grid[-1]:
+            axes.set_xlabel("wall time per simulated second [s]", color=INK)
+        drawn.legend(handles=_legend(table), loc="outside lower center", ncols=4, frameon=False)
+        drawn.suptitle("Error over time: lower left is better", color=INK)
+
+
+def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:
+    logarithmic(axes)
+    open_axes(axes, labels=7)
+    if part.empty:
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "does not apply", transform=axes.transAxes, ha="center", color=PALE)
+        return
+    floor = QUANTITIES[quantity].floor
+    part = part.assign(drawn=part.error.clip(lower=floor))
+    front = part[part.front].sort_values("time")
+    axes.step(front.time, front.drawn, where="post", color=FRONT, linewidth=4, zorder=1)
+    for (engine, profile), line in part[part.settings == ""].groupby(["engine", "profile"], sort=False):
+        _line(axes, line.sort_values("dt"), str(engine), str(profile))
+    for engine, changed in part[part.settings != ""].groupby("engine", sort=False):
+        look = {**HOLLOW, "marker": marker_of(str(engine)), "markeredgecolor": color_of(str(engine))}
+        axes.plot(changed.time, changed.drawn, zorder=3, **look)
+    low, high = part.drawn.min(), part.drawn.max()
+    axes.set_ylim(max(low, floor) / 3, max(high * 3, low * 30))
+    axes.axhline(QUANTITIES[quantity].tolerance, linewidth=0.8, zorder=0, **TOLERANCE)
+    axes.yaxis.set_major_locator(LogLocator(numticks=6))
+    if part.truth.iloc[0] == NOT_CONVERGED:
+        text = "truth not converged"
+        axes.text(0.02, 0.98, text, transform=axes.transAxes, va="top", fontsize=6.5, color=PALE)
+
+
+def _line(axes: Axes, line: pd.DataFrame, engine: str, profile: str) -> None:
+    axes.plot(line.time, line.drawn, **_look(engine, profile), markersize=3.5, linewidth=1.2, zorder=4)
+    # the band: from the least to the largest of the rounds
+    color = color_of(engine)
+    axes.hlines(line.drawn, line.time_low, line.time_high, color=color, linewidth=2.5, alpha=0.3, zorder=2)
+
+
+def _look(engine: str, profile: str) -> dict[str, Any]:
+    style = STYLES.get(profile, "-") if engine == REFERENCE else "-"
+    return {"color": color_of(engine), "marker": marker_of(engine), "linestyle": style}
+
+
+def _legend(table: pd.DataFrame) -> list[Line2D]:
+    lines = table[table.settings == ""]
+    handles = [
+        Line2D([], [], label=f"{engine}, {profile}", markersize=4, **_look(engine, profile))
+        for engine, profile in dict.fromkeys(zip(lines.engine, lines.profile))
+    ]
+    handles.append(Line2D([], [], label="another value of the main knob", **HOLLOW))
+    handles.append(Line2D([], [], color=FRONT, linewidth=4, label="Pareto front"))
+    handles.append(Line2D([], [], label="tolerance", **TOLERANCE))
+    return handles

@@ -49,7 +49,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import Player
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.reference_impl.core import kernel
-from touchstone.reports.studies.inverse_kinematics.study import rows
+from touchstone.reports.studies.inverse_kinematics import rows
 from touchstone.scenarios.catalogue import catalogue
 
 engine, scenario = ReferenceEngine(), catalogue()["ball_snip"]

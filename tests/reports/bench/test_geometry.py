@@ -31,8 +31,8 @@ from touchstone.reports.bench.poses import (
     spread_vertices,
 )
 from touchstone.reports.results import COLUMNS
-from touchstone.reports.studies.interleaved_timing import Measured
-from touchstone.reports.studies.poses import corners
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
+from touchstone.reports.studies.narrow_phase.poses import corners
 
 OTHER, ABSENT = "coal", "absent"
 TINY = Plan(pairs=2, frames=3, turns=1, passes=1)
@@ -118,11 +118,11 @@ def test_geometry_shows_every_ratio(measured, shown) -> None:
     assert sum(line.split()[:1] == [OTHER] for line in text.splitlines()) == len(FAMILIES) + 1
 
 
-def known_answers(truth, seconds: float, crossing: float) -> Measured:
+def known_answers(truth, seconds: float, crossing: float) -> Answered:
     """A detector that is right, takes as long as told, and pays for its crossing."""
     n = len(truth.pairs)
     cross = np.full((4, 2), crossing)
-    return Measured(truth.distance.copy(), truth.normal.copy(), np.full(n, seconds), [cross], {}, {})
+    return Answered(truth.distance.copy(), truth.normal.copy(), np.full(n, seconds), [cross], {}, {})
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def test_a_detector_that_fails_at_all_is_skipped(truth) -> None:
     n = len(truth.pairs)
     failures = {k: Failure("threw", "boom") for k in range(n)}
     nothing = np.full(n, nan)
-    broken = Measured(nothing, np.full((n, 3), nan), nothing, [np.zeros((4, 2))], failures, {})
+    broken = Answered(nothing, np.full((n, 3), nan), nothing, [np.zeros((4, 2))], failures, {})
     rows = rows_of_bench(truth, {REFERENCE: known_answers(truth, 1e-6, 0.0), OTHER: broken})
     for row in rows:
         if row.engine == OTHER and row.metric != "exception":

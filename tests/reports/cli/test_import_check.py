@@ -50,7 +50,7 @@ def test_robots_of_a_folder_are_listed_by_result(touchstone, robots, tmp_path):
 def test_a_scene_that_differs_from_its_file_is_exit_1(touchstone, robots, monkeypatch):
     """A comparison that fails names its quantities, for one robot and for many."""
     from touchstone.adapters.oracles import robot_file
-    from touchstone.reports.studies.robots import study
+    from touchstone.reports.studies import robots as study
 
     assert touchstone("import", "robots/a/arm.urdf", "--as", "arm")[0] == 0
     off = dict.fromkeys(robot_file.QUANTITIES, 0.0) | {"axes": 1e-3}

@@ -11,7 +11,7 @@ import typer
 from touchstone.reports.cli import main
 from touchstone.reports.cli.cheapest import rows
 from touchstone.reports.results import Row, save, table
-from touchstone.reports.studies.work_precision.cheapest import Answer, Setting
+from touchstone.reports.studies.work_precision.cheapest import Answer, MeasuredSetting
 
 WITHOUT = {
     "nightly": {"--format": "its folder has the table", "--out": "a night belongs to its --store"},
@@ -106,7 +106,7 @@ def test_doctor_is_read_by_programs(touchstone):
 def test_the_cheapest_setting_is_read_by_programs():
     """A row per setting with its place, errors and command; JSON has no infinity."""
     one, two, three = (
-        Setting(
+        MeasuredSetting(
             engine,
             "balanced",
             "",

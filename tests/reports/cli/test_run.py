@@ -68,7 +68,9 @@ def test_a_study_is_printed_for_machines(touchstone, monkeypatch):
     from touchstone.reports.studies.calibration import study as calibration
 
     tiny = {"restitutions": (0.5,), "speeds": (2.0,), "frictions": (0.3,), "ladder": (), "steps": ()}
-    monkeypatch.setattr(calibration, "Grid", partial(calibration.Grid, pairs=("sphere-box",), **tiny))
+    monkeypatch.setattr(
+        calibration, "Requested", partial(calibration.Requested, pairs=("sphere-box",), **tiny)
+    )
     arguments = ("--engine", "reference", "--profile", "balanced", "--format", "csv", "--out", "r", "--quiet")
     code, out, err = touchstone("study", "calibration", *arguments)
     assert (code, err) == (0, "")

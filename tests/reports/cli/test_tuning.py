@@ -12,8 +12,8 @@ import pytest
 
 from touchstone.adapters.knobs import Choice, Numbers, Range
 from touchstone.adapters.registry import ENGINES, installed, settings_of
-from touchstone.reports.studies.tuning.search import NotMeasured
-from touchstone.reports.studies.tuning.space import Candidate, Space, values_about, values_of
+from touchstone.reports.studies.study import RefusedError
+from touchstone.reports.studies.tuning import Candidate, Space, values_about, values_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.write import scene_toml
 
@@ -149,7 +149,7 @@ def test_a_quantity_that_no_run_has_is_named(touchstone, tmp_path):
     )
     assert code == 2
     assert "no friction is measured here; there is position" in err
-    assert issubclass(NotMeasured, ValueError)
+    assert issubclass(RefusedError, ValueError)
 
 
 def test_a_script_runs_without_us(touchstone, tmp_path):

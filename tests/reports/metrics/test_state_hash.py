@@ -11,8 +11,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import load
 from touchstone.reports.metrics.state import DIGITS, state_hash, state_hashed
-from touchstone.reports.studies.stability.measure import play_all
-from touchstone.reports.studies.stability.play import Cell
+from touchstone.reports.studies.stability.play import hard_cell, play_all
 from touchstone.scenarios.difficulty.family import hard_scene
 
 SCENE = "hard_mass_stack_10"
@@ -41,8 +40,10 @@ def test_a_bit_changes_the_hash(recording):
 
 def test_fresh_processes_and_their_number_do_not_change_the_hash(recording, tmp_path):
     """One process or two, whatever they played before: the same hash as in this process."""
-    others = [Cell(f"hard_{name}", "reference", SETTINGS) for name in ("mass_stack_1", "wedge_90")]
-    cell = Cell(SCENE, "reference", SETTINGS)
+    others = [
+        hard_cell(f"hard_{name}", "reference", "balanced", 1 / 60) for name in ("mass_stack_1", "wedge_90")
+    ]
+    cell = hard_cell(SCENE, "reference", "balanced", 1 / 60)
     for number, cells in enumerate(([cell], [others[0], others[1], cell])):
         folder = tmp_path / str(number)
         played = play_all(cells, folder, lambda label, count: None, jobs=number + 1)

@@ -14,22 +14,24 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.registry import installed
 from touchstone.reports.results import COLUMNS, Row, table
-from touchstone.reports.studies.agreement.study import NoTruth
-from touchstone.reports.studies.convergence.definitions import (
+from touchstone.reports.studies.convergence.measure import ERROR, at_frame_rate, error_of
+from touchstone.reports.studies.convergence.study import (
+    EXACT,
     FLOOR,
     NEARER,
     ORDER,
     STEPS,
     STUDY,
     cells,
+    draw,
+    findings,
+    order_of,
     own_step,
+    run,
     scenes,
+    show,
 )
-from touchstone.reports.studies.convergence.measure import ERROR, at_frame_rate, error_of
-from touchstone.reports.studies.convergence.order import EXACT, order_of
-from touchstone.reports.studies.convergence.picture import draw
-from touchstone.reports.studies.convergence.study import findings, run
-from touchstone.reports.studies.convergence.table import show
+from touchstone.reports.studies.study import RefusedError
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 
@@ -91,7 +93,7 @@ def test_scenes_are_cut_to_whole_frames() -> None:
         scene = at_frame_rate(name, 0)
         assert scene.truths
         assert catalogue()[name].duration - 1 / 30 < scene.duration <= catalogue()[name].duration
-    with pytest.raises(NoTruth, match=r"no truth for ball_snip; valid: .*fall"):
+    with pytest.raises(RefusedError, match=r"no truth for ball_snip; valid: .*fall"):
         cells(["ball_snip"], ["reference"])
 
 

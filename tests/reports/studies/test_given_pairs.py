@@ -11,8 +11,8 @@ import pytest
 from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.detectors import DETECTORS
 from touchstone.adapters.oracles.minkowski import piece_distance
-from touchstone.reports.studies.interleaved_timing import Measured
-from touchstone.reports.studies.narrow_phase import given_pairs
+from touchstone.reports.studies.narrow_phase import study as narrow_phase
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
 from touchstone.scenarios.files.pair_file import read_pairs
 from touchstone.scenarios.files.read import SceneFileError
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Piece, Sphere
@@ -79,7 +79,7 @@ def test_the_reference_is_exact_on_public_reports(monkeypatch, tmp_path):
     pairs = read_pairs(REPORTS)
     assert len(pairs) == 25
     assert all(pair.source.startswith("https://github.com/") for pair in pairs)
-    frame = given_pairs.run(pairs, tmp_path / "out", lambda *_: None)
+    frame = narrow_phase.run_given(pairs, tmp_path / "out", lambda *_: None)
     mine = frame[frame.engine == "reference.exact"]
     assert sorted(mine.scenario[mine.metric == "distance"]) == sorted(pair.name for pair in pairs)
     assert mine.value[mine.metric == "depth.error"].max() < 1e-10
@@ -90,11 +90,11 @@ def test_the_reference_is_exact_on_public_reports(monkeypatch, tmp_path):
         assert truth[name] == pytest.approx(distance, abs=1e-9)
 
 
-def answers(*distances: float) -> Measured:
+def answers(*distances: float) -> Answered:
     """What a detector says of pairs along x."""
     n = len(distances)
     normal = np.tile([1.0, 0.0, 0.0], (n, 1))
-    return Measured(np.array(distances), normal, np.full(n, 1e-6), [np.ones((1, 2)) * 1e-7], {}, {})
+    return Answered(np.array(distances), normal, np.full(n, 1e-6), [np.ones((1, 2)) * 1e-7], {}, {})
 
 
 @pytest.fixture
@@ -114,7 +114,7 @@ def test_answers_wrong_in_kind_are_named(monkeypatch, spheres, touchstone):
     """A gap for an overlap, a contact that is missed, and an answer that is right; each beside its pair."""
     said = {"reference.exact": (0.1, 0.0, 1.0), "coal": (np.nan, 0.0, np.nan), "bullet": (-0.5, 0.0, 1.0)}
     monkeypatch.setattr(
-        given_pairs, "measure", lambda *_: {name: answers(*each) for name, each in said.items()}
+        narrow_phase, "measure", lambda *_: {name: answers(*each) for name, each in said.items()}
     )
     code, out, err = touchstone("study", "narrow-phase", "--pairs", spheres, "--out", "out")
     assert code == 0, err
@@ -135,8 +135,8 @@ def test_a_detector_that_dies_is_asked_one_by_one(monkeypatch, spheres, tmp_path
             found.distance[:], found.ended = np.nan, ("error", "died: signal SIGABRT")
         return {"coal": found}
 
-    monkeypatch.setattr(given_pairs, "measure", measure)
-    frame = given_pairs.run(read_pairs(spheres), tmp_path / "out", lambda *_: None)
+    monkeypatch.setattr(narrow_phase, "measure", measure)
+    frame = narrow_phase.run_given(read_pairs(spheres), tmp_path / "out", lambda *_: None)
     rows = frame[(frame.engine == "coal") & (frame.metric == "distance")].set_index("scenario")
     assert rows.value[["touch", "apart"]].tolist() == [0.0, 1.0]
     assert rows.reason["over"] == "threw: died: signal SIGABRT"

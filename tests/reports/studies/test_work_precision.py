@@ -12,7 +12,7 @@ from rich.console import Console
 from touchstone.reports.cli.cheapest import lines
 from touchstone.reports.studies.work_precision.cheapest import (
     TIME,
-    Setting,
+    MeasuredSetting,
     ToleranceError,
     cheapest,
     settings_of_scene,
@@ -20,18 +20,15 @@ from touchstone.reports.studies.work_precision.cheapest import (
 )
 from touchstone.reports.studies.work_precision.definitions import (
     QUANTITIES,
+    changes,
+    ladder_cells,
     measured_cells,
     scenes,
     truth_cells,
 )
 from touchstone.reports.studies.work_precision.errors import distance
-from touchstone.reports.studies.work_precision.front import band, deficit, pareto
-from touchstone.reports.studies.work_precision.fronts import fronts
-from touchstone.reports.studies.work_precision.ladder_cells import changes, ladder_cells
-from touchstone.reports.studies.work_precision.picture import draw
-from touchstone.reports.studies.work_precision.points import COLUMNS
-from touchstone.reports.studies.work_precision.study import Plan
-from touchstone.reports.studies.work_precision.table import show
+from touchstone.reports.studies.work_precision.points import COLUMNS, band, deficit, fronts, pareto
+from touchstone.reports.studies.work_precision.study import StudyCells, draw, show
 
 RNG = np.random.default_rng(15)
 
@@ -216,7 +213,7 @@ def test_fronts_name_the_point_that_is_not_dominated():
 
 def test_pictures_are_drawn_and_repeat(tmp_path, monkeypatch):
     """SVG and PNG; more scenes than fit make further files, and equal data equal files."""
-    monkeypatch.setattr("touchstone.reports.studies.work_precision.picture.MOST_ROWS", 1)
+    monkeypatch.setattr("touchstone.reports.studies.work_precision.study.MOST_ROWS", 1)
     frame = pd.concat([table(scene=f"scene {k}") for k in range(2)])
     names = [path.name for path in draw(frame, tmp_path)]
     assert names == [f"work_precision{n}.{s}" for n in ("", "_2") for s in ("svg", "png")]
@@ -236,19 +233,19 @@ def test_the_default_study_has_what_was_asked_for():
         profile = mine[0].profile
         assert len({cell.dt for cell in mine if cell.profile == profile and not cell.changes}) >= 6
         assert any(cell.changes for cell in mine) or engine == "reference"
-    assert {cell.scenario for cell in truth_cells(names)} == set(names)
+    assert {cell.dt for cell in truth_cells("fall")} == {1 / 1920, 1 / 3840, 1 / 240}
     assert set(QUANTITIES) == {"position", "overlap", "energy", "friction", "events"}
 
 
 def test_the_longest_cells_are_measured_first():
     """Scenes stay together, the dearest first, each with its smallest steps first; none is lost."""
-    plan = Plan(["fall", "ball_snip"], ("reference", "mujoco"))
-    cells = plan.accuracy
+    asked = StudyCells(["fall", "ball_snip"], ("reference", "mujoco"))
+    cells = asked.accuracy
     assert list(dict.fromkeys(cell.scenario for cell in cells)) == ["ball_snip", "fall"]
     for scene in ("fall", "ball_snip"):
         steps = [cell.dt for cell in cells if cell.scenario == scene]
         assert steps == sorted(steps)
-    assert set(cells) == {*plan.truths, *plan.measured, *plan.ladder}
+    assert set(cells) == {*asked.truths, *asked.measured, *asked.ladder}
 
 
 def test_a_study_says_what_it_cost():
@@ -281,7 +278,9 @@ def test_times_that_overlap_have_no_winner():
     def answered(*times, limits):
         label = ("reference", "balanced", "")
         known = [
-            Setting(*label, 1 / (60 * k), *(1e-6 * t for t in one), {"position": 0.0}, 0.0, "", f"play {k}")
+            MeasuredSetting(
+                *label, 1 / (60 * k), *(1e-6 * t for t in one), {"position": 0.0}, 0.0, "", f"play {k}"
+            )
             for k, one in enumerate(times, start=1)
         ]
         found = cheapest(known, limits)

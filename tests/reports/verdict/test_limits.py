@@ -16,11 +16,11 @@ from touchstone.reports.bench.geometry import MOTION
 from touchstone.reports.bench.poses import FAMILIES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
+from touchstone.reports.studies import effects
+from touchstone.reports.studies.calibration.probes import SHAPES
 from touchstone.reports.studies.calibration.rows import ALL, LARGEST
-from touchstone.reports.studies.calibration.scenes import SHAPES
-from touchstone.reports.studies.effects import study as effects
-from touchstone.reports.studies.inverse_kinematics.study import MEASURED, SOLVERS, STARTS
-from touchstone.reports.studies.predictability.study import ERROR
+from touchstone.reports.studies.inverse_kinematics import MEASURED, SOLVERS, STARTS
+from touchstone.reports.studies.predictability import ERROR
 from touchstone.reports.studies.robustness import study as robustness
 from touchstone.reports.verdict import limits as module
 from touchstone.reports.verdict.failings import NOISY, known

@@ -8,7 +8,7 @@ import pytest
 
 from tests.reports.verdict.fake_engines import Engine
 from touchstone.adapters.contract import Settings
-from touchstone.reports.studies.stability.play import Cell, play_cell, play_scenario
+from touchstone.reports.studies.stability.play import FAILED, hard_cell, outcome, play_scenario, recordings_in
 from touchstone.reports.verdict.outcomes import GROSS, HARD_CLASSES, SILENT
 from touchstone.scenarios.difficulty.family import families, hard_names, hard_scene, level_text
 
@@ -78,11 +78,13 @@ def test_an_allowed_overlap_is_one_at_the_start_alone(scene):
 
 def test_a_failed_cell_keeps_its_recording(tmp_path):
     """A failed run leaves its recording, one that is ok leaves none."""
-    cell = Cell("hard_strong_gravity_9.81", "fake", Settings("any", 1 / 60))
-    assert play_cell(Engine("tunnels"), cell, tmp_path / "failed").outcome.name == "tunnelled"
-    assert len(list((tmp_path / "failed").iterdir())) == 1
-    assert play_cell(Engine("rests"), cell, tmp_path / "fine").outcome.name == "ok"
-    assert not (tmp_path / "fine").exists()
+    cell = hard_cell("hard_strong_gravity_9.81", "fake", "any", 1 / 60)
+    for fault, name, count in (("tunnels", "tunnelled", 1), ("rests", "ok", 0)):
+        folder = tmp_path / fault
+        with recordings_in(FAILED, folder):
+            measured = outcome(cell, hard_scene(cell.scenario)[0], Engine(fault))
+        assert measured.rows[0].subject == name
+        assert len(list(folder.glob("*.npz"))) == count
 
 
 def test_names_of_hard_scenes_are_known_without_building_them(monkeypatch):

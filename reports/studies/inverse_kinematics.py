@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from rich.console import Console
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.engines.reference.reference_world import translate
@@ -30,8 +31,11 @@ from touchstone.reference_impl.paper.ccd_ik import CCD_PASSES, CCD_TOLERANCE, cc
 from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.study import RefusedError, kept, print_failures, with_interval
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.tables import exact_number
+from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.avatar.avatar import HAND_LENGTH, avatar_parts, standing_tracker
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Scenario, Vector
@@ -52,10 +56,6 @@ SOLVERS = (("reference", CCD), ("pinocchio", LOOP))
 MEASURED = ("ik.missed", "ik.left", "ik.passes", "time.solve", "time.crossing", "ratio.time")
 CROSSINGS = 1000
 Answer = Sequence[Any]
-
-
-class GoalsError(Exception):
-    """The number of goals cannot be used; the message says why."""
 
 
 class Arm:
@@ -157,8 +157,6 @@ def steps(goals: int) -> int:
 def run(goals: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
     """Measure all solvers; store rows and manifest. The folder appears complete or not at all."""
     with output_folder(out) as folder:
-        frame = table(rows(goals, seed, progress))
-        save(frame, folder)
         facts = {
             "study": STUDY,
             "goals": goals,
@@ -167,14 +165,13 @@ def run(goals: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
             "passes": CCD_PASSES,
         }
         loop = {"damping": DAMPING, "steps": STEPS}
-        save_manifest(folder, {**facts, "chain": CHAIN, "pinocchio": loop})
-    return frame
+        return kept(rows(goals, seed, progress), folder, {**facts, "chain": CHAIN, "pinocchio": loop})
 
 
 def rows(count: int, seed: int, progress: Progress) -> list[Row]:
     """Measure all solvers on `count` goals from both starts."""
     if count < 1:
-        raise GoalsError(f"--goals {count}: expected at least 1")
+        raise RefusedError(f"--goals {count}: expected at least 1")
     arm = Arm()
     postures, near = draw(arm, count, seed)
     goals = np.array([arm.place(posture) for posture in postures])
@@ -197,7 +194,7 @@ def rows(count: int, seed: int, progress: Progress) -> list[Row]:
     crossings = {engine: np.array([arm.cross(engine) for _ in range(CROSSINGS)]) for engine, _ in SOLVERS}
     for engine, sample in crossings.items():
         base = Row(STUDY, "arm", engine, "", nan, "time.crossing", unit="s", seed=seed)
-        found.append(_timed(base, sample))
+        found.append(with_interval(base, median_interval(sample)))
     return [judged(row, ()) for row in found]
 
 
@@ -209,23 +206,52 @@ def _rows_of(base: Row, answers: Array, loop_seconds: Array) -> list[Row]:
         replace(base, metric="ik.passes", subject=subject, unit="1", value=float(np.percentile(passes, part)))
         for subject, part in (("median", 50), ("p95", 95), ("max", 100))
     ]
-    found = [missed, farthest, *work, _timed(replace(base, metric="time.solve", unit="s"), seconds)]
+    found = [
+        missed,
+        farthest,
+        *work,
+        with_interval(base, median_interval(seconds), metric="time.solve", unit="s"),
+    ]
     if base.engine != "pinocchio":
         ratio = time_ratio(seconds, loop_seconds)
-        found.append(
-            replace(
-                base,
-                metric="ratio.time",
-                subject="pinocchio",
-                unit="1",
-                value=ratio.value,
-                low=ratio.low,
-                high=ratio.high,
-            )
-        )
+        interval = (ratio.value, ratio.low, ratio.high)
+        found.append(with_interval(base, interval, metric="ratio.time", subject="pinocchio", unit="1"))
     return found
 
 
-def _timed(row: Row, sample: Array) -> Row:
-    middle, low, high = median_interval(sample)
-    return replace(row, value=middle, low=low, high=high)
+MICRO = 1e6
+HEADS = (
+    *("start", "solver", "missed\n[%]", "farthest\n[m]", "passes\nmedian", "p95", "max"),
+    *("solve\n[µs]", "over pinocchio\n(95 % interval)"),
+)
+NOTES = (
+    "missed: goals not reached to 1e-5 m; the loop gets no reach cones and 200 steps",
+    "solve: the reference inside its compiled call, pinocchio's loop from Python",
+)
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print one row per start and solver, the cost of a call, and every broken limit."""
+    table = table_of("ik: random reachable goals of the left arm", HEADS, left=2, padding=(0, 0))
+    for start in STARTS:
+        for engine, profile in SOLVERS:
+            part = frame[(frame.scenario == start) & (frame.engine == engine) & (frame.profile == profile)]
+            table.add_row(start, f"{engine} {profile}", *_cells(part))
+    out.print(table)
+    for row in rows_of(frame[frame.metric == "time.crossing"]):
+        cost = exact_number(row.value * MICRO)
+        out.print(f"a call into {row.engine}: {cost} µs", style="dim", highlight=False)
+    print_notes(NOTES, out)
+    print_failures(frame, out)
+
+
+def _cells(part: pd.DataFrame) -> list[str]:
+    mine = {(row.metric, row.subject): row for row in rows_of(part)}
+    ratio = mine.get(("ratio.time", "pinocchio"))
+    return [
+        exact_number(100 * mine["ik.missed", ""].value),
+        exact_number(mine["ik.left", "max"].value),
+        *(f"{mine['ik.passes', subject].value:.0f}" for subject in ("median", "p95", "max")),
+        exact_number(mine["time.solve", ""].value * MICRO),
+        f"{ratio.value:.2f} ({ratio.low:.2f} to {ratio.high:.2f})" if ratio is not None else "",
+    ]

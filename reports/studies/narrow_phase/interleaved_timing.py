@@ -30,7 +30,7 @@ class Stretch(NamedTuple):
 
 
 @dataclass(slots=True)
-class Measured:
+class Answered:
     """Results of a detector: distance (n,) [m] and normal (n, 3), NaN where it reports none; seconds of each
     query (n,) and of the crossings, apart and touching (c, 2); failures by pair; version and settings.
     `ended`: verdict and reason of a detector that stopped. `held` (n,): whether the answer in a motion was
@@ -39,9 +39,9 @@ class Measured:
     distance: Array
     normal: Array
     seconds: Array
-    crossing: list[Array]
-    failures: dict[int, Failure]
-    facts: Mapping[str, object]
+    crossing: list[Array] = field(default_factory=list)
+    failures: dict[int, Failure] = field(default_factory=dict)
+    facts: Mapping[str, object] = field(default_factory=dict)
     ended: tuple[str, str] | None = None
     held: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -62,7 +62,7 @@ def measure(
     output: Path,
     progress: Progress,
     loader: Loader = load_detector,
-) -> dict[str, Measured]:
+) -> dict[str, Answered]:
     """Run every query on every detector `turns` times `passes` times; a query's time is the median of all.
 
     Args:
@@ -70,17 +70,9 @@ def measure(
         progress: receives the detector and its number of finished queries.
     """
     n = len(pairs)
+    nothing = np.full(n, np.nan)
     measured = {
-        name: Measured(
-            np.full(n, np.nan),
-            np.full((n, 3), np.nan),
-            np.full(n, np.nan),
-            [],
-            {},
-            {},
-            None,
-            np.full(n, np.nan),
-        )
+        name: Answered(nothing.copy(), np.full((n, 3), np.nan), nothing.copy(), held=nothing.copy())
         for name in names
     }
     children = []
@@ -112,7 +104,7 @@ def _stretch(
     stretch: Stretch,
     turns: int,
     passes: int,
-    measured: dict[str, Measured],
+    measured: dict[str, Answered],
     progress: Progress,
 ) -> None:
     part = slice(stretch.first, stretch.end)

@@ -10,6 +10,7 @@ from math import nan
 from pathlib import Path
 
 import pandas as pd
+from rich.console import Console
 
 from touchstone.adapters.oracles.robot_file import EQUAL, READERS, deviations, trees_of
 from touchstone.adapters.robots.robot_error import RobotError
@@ -17,7 +18,9 @@ from touchstone.adapters.robots.robot_scene import Imported, imported
 from touchstone.adapters.robots.source import compiled
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.study import kept
+from touchstone.reports.views.terminal import print_notes, table_of
 
 STUDY = "import"
 SUFFIXES = (".urdf", ".mjcf", ".xml")
@@ -59,10 +62,7 @@ def run(
         for name, (path, form) in robots.items():
             progress(name, 1)
             rows += rows_of_robot(name, path, form, allow_paths)
-        frame = table(rows)
-        save(frame, folder)
-        save_manifest(folder, {"study": STUDY})
-    return frame
+        return kept(rows, folder, {"study": STUDY})
 
 
 def rows_of_robot(name: str, path: Path, form: str, allow_paths: bool) -> list[Row]:
@@ -108,3 +108,44 @@ def verdict_line(form: str, off: dict[str, float]) -> str:
     return (
         f"checked: {names} as {READERS[form]} reads them in the file, to {max(max(off.values()), 1e-17):.0e}"
     )
+
+
+HEADS = ("robot", "result", "deviation", "hinges", "mass [kg]", "notes")
+RESULTS = {"skipped": "refused", "error": "error"}
+NOTES = (
+    "deviation: the largest of mass, centre, inertia (start and two random postures), axes and limits of "
+    "hinges from the file, relative to the robot's mass, size or inertia; equal: at most 1e-9",
+    "notes: lines of `touchstone import` about what a scene does not keep",
+)
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print a line per robot, what differs, and the reason of each that is refused."""
+    table = table_of("robots, compared with their files", HEADS, left=2)
+    counts: dict[str, int] = {}
+    remarks = []
+    for name, part in frame.groupby("scenario", sort=False):
+        rows = {row.metric + row.subject: row for row in rows_of(part)}
+        first = next(iter(rows.values()))
+        result = RESULTS.get(first.verdict, "equal")
+        cells = ["", "", "", ""]
+        if result == "equal":
+            off = {metric: row for metric, row in rows.items() if row.limit == row.limit}
+            if any(row.verdict == "fail" for row in off.values()):
+                result = "differs"
+            hinges, mass, notes = (rows[f"robot{fact}"].value for fact in ("hinges", "mass", "notes"))
+            largest = max(row.value for row in off.values())
+            cells = [f"{largest:.0e}", f"{hinges:.0f}", f"{mass:.4g}", f"{notes:.0f}"]
+            apart = [
+                f"{m.removeprefix('robot.')} by {r.value:.1e}" for m, r in off.items() if r.verdict == "fail"
+            ]
+            remarks += [f"differs: {name}: {', '.join(apart)}"] if apart else []
+        else:
+            remarks.append(f"{result}: {name}: {first.reason}")
+        counts[result] = counts.get(result, 0) + 1
+        table.add_row(str(name), result, *cells)
+    out.print(table)
+    out.print(", ".join(f"{count} {result}" for result, count in counts.items()), highlight=False)
+    print_notes(NOTES, out)
+    for line in remarks:
+        out.print(line, highlight=False, soft_wrap=True)

@@ -1,0 +1,344 @@
+"""The study `effects`: time saved and outcome changed by a plan and by each effect.
+
+Per scene and engine the study compares the scene's plan with all effects. On the reference it also toggles
+one effect at a time: off where the plan has it, on where it has not. Frames of all variants are interleaved.
+Means over all frames are compared, because a plan saves different work in different frames. A frame is the
+fastest of PASSES or ENGINE_PASSES, so that what other processes take of the machine counts little; on the
+reference it is net of the crossing from Python (an empty call with all arguments of a step), which is half of
+a probe's frame. Outcomes are compared in every displayed frame: `identical` to the
+bit, `within tolerance`, `matters`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from rich.console import Console
+
+from touchstone.adapters.contract import Array, Engine
+from touchstone.adapters.registry import installed, load
+from touchstone.adapters.workers.process import COMPILE_PATIENCE
+from touchstone.adapters.workers.variants import Pace, Variant, plan_seconds, play
+from touchstone.reports.bench.tables import MICRO, limit_text, print_remarks, value_text
+from touchstone.reports.bootstrap import median_interval, time_ratio
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.charts import figure
+from touchstone.reports.studies.study import kept, missing_rows, with_interval
+from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, played
+from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.tables import exact_number
+from touchstone.reports.views.terminal import table_of
+from touchstone.scenarios.catalogue import tagged
+from touchstone.scenarios.effects import EFFECT_TABLE, PLANNED
+from touchstone.scenarios.scenario import Scenario
+
+GROUPS = ("gallery", "probe")
+"""Tags of the default scenes; means are computed per tag."""
+REFERENCE, ALL = "reference", "all"
+IDENTICAL, WITHIN, MATTERS = "identical", "within tolerance", "matters"
+TOGGLED = tuple(name for name, effect in EFFECT_TABLE.items() if effect.only != "engines")
+"""Effects that are toggled one at a time: those that the reference has."""
+
+
+STUDY = "effects"
+TOLERANCE = 1e-6
+"""Difference of outcomes that is below every limit on overlap or gap [m, rad]."""
+BUDGET = 0.25
+"""Seconds of an engine's steps in a scene and pass, of both variants; the reference plays all frames."""
+ENGINE_PASSES = 4
+"""Timed passes of the frames of other engines."""
+PASSES = 8
+"""Timed passes of the reference's frames; each variant is first in half of them."""
+JUDGED = ("effects.changed", "time.left", "time.slower", "time.plan")
+"""Metrics of this study that have limits."""
+
+
+def scenes() -> list[Scenario]:
+    """The gallery and the probes without seeds, each once."""
+    found = {s.name: s for tag in GROUPS for s in tagged(tag) if not {"seeded", "heap"} & set(s.tags)}
+    return list(found.values())
+
+
+def run(scenarios: Sequence[Scenario], engines: Sequence[str], out: Path, progress: Progress) -> pd.DataFrame:
+    """Measure each engine in turn, judge and store; the folder appears complete or not at all."""
+    with output_folder(out) as folder:
+        tags = {scenario.name: scenario.tags for scenario in scenarios}
+        columns = [(engine, own_profile(engine)) for engine in engines]
+        rows = missing_rows(STUDY, columns)
+        for engine in filter(installed, engines):
+            asked = [Task(one, engine, own_settings(engine)) for one in scenarios]
+            output = folder / "output"
+            found = played(measure, asked, output, progress, patience=COMPILE_PATIENCE, processes=1)
+            for task, one in zip(asked, found):
+                rows += rows_of_scene(task, one)
+        rows += means(rows, tags)
+        facts = {"study": STUDY, "tolerance": TOLERANCE, "budget": BUDGET, "scenarios": list(tags)}
+        judged_rows = [judged(row, tags.get(row.scenario, ())) for row in rows]
+        return kept(judged_rows, folder, facts, {"effects.png": savings})
+
+
+def measure(engine: Engine, task: Task) -> tuple[Array, dict[str, Variant]]:
+    """Seconds of planning (empty but on the reference), and the plan (""), all effects and, on the reference,
+    every toggled effect, played side by side."""
+    ours = task.engine == REFERENCE
+    seconds = plan_seconds(task.scenario) if ours else np.zeros(0)
+    wanted = {"": None, ALL: PLANNED, **(toggles(task.scenario) if ours else {})}
+    settings = [replace(task.settings, effects=effects) for effects in wanted.values()]
+    how = (np.inf, PASSES) if ours else (BUDGET, ENGINE_PASSES)
+    return seconds, dict(zip(wanted, play(engine, task.scenario, settings, *how)))
+
+
+def rows_of_scene(task: Task, found: tuple[Array, dict[str, Variant]] | Ended) -> list[Row]:
+    """Rows of a scene: planning, the plan against all effects, and on the reference every toggled effect."""
+    base = Row(STUDY, task.scenario.name, task.engine, task.settings.profile, task.settings.dt, "run")
+    if isinstance(found, Ended):
+        return [replace(base, verdict=found.status, reason=found.reason)]
+    seconds, variants = found
+    rows = []
+    if len(seconds):
+        rows.append(with_interval(base, median_interval(seconds), metric="time.plan", unit="s"))
+    if variants[""].ended:
+        return [*rows, replace(base, verdict="error", reason=variants[""].ended)]
+    return rows + rows_of_variants(base, variants)
+
+
+def toggles(scenario: Scenario) -> dict[str, tuple[str, ...]]:
+    """Effects to run per toggle: "+friction" where the plan has none, "-friction" where it has."""
+    from touchstone.adapters.motion_bounds import planned
+
+    stages = set(planned(scenario).stages)
+    named: dict[str, tuple[str, ...]] = {}
+    for effect in TOGGLED:
+        sign = "-" if effect in stages else "+"
+        named[sign + effect] = tuple(e for e in PLANNED if e in stages ^ {effect})
+    return named
+
+
+def costs(scenario: Scenario, passes: int = PASSES) -> dict[str, float]:
+    """What each effect costs on the reference in a scene, relative to the time of its plan [1]: what a frame
+    takes longer with it than without. Effects that the scene cannot be played without are absent."""
+    wanted = toggles(scenario)
+    settings = [own_settings(REFERENCE, effects=effects) for effects in (None, *wanted.values())]
+    _, *variants = play(load(REFERENCE), scenario, settings, np.inf, passes)
+    found = {}
+    for name, variant in zip(wanted, variants):
+        if not variant.ended:
+            change = float(variant.pace.net.mean() / variant.beside.net.mean()) - 1
+            found[name[1:]] = -change if name.startswith("-") else change
+    return found
+
+
+def rows_of_variants(base: Row, played: Mapping[str, Variant]) -> list[Row]:
+    """Time saved by the plan, and the difference of the outcome from the plan's, by variant."""
+    rows = []
+    frame = median_interval(_times(base, played[""].pace), middle=np.mean)
+    rows.append(with_interval(base, frame, metric="time.frame", unit="s"))
+    for subject, other in played.items():
+        if not subject:
+            continue
+        row = replace(base, subject=subject)
+        if other.ended:
+            rows.append(replace(row, metric="run", verdict="known", reason=f"{subject}: {other.ended}"))
+            continue
+        rows += _saved(row, other)
+        word = IDENTICAL if other.same else WITHIN if max(other.moved, other.turned) <= TOLERANCE else MATTERS
+        row = replace(row, reason=word, reason_code=word)
+        rows.append(replace(row, metric="effects.moved", unit="m", value=other.moved))
+        rows.append(replace(row, metric="effects.turned", unit="rad", value=other.turned))
+        rows.append(replace(row, metric="effects.changed", unit="1", value=float(not other.same)))
+    return rows
+
+
+def _times(row: Row, pace: Pace) -> Array:
+    """Seconds of a row's frames; the reference's exclude the crossing."""
+    return pace.net if row.engine == REFERENCE else pace.seconds
+
+
+def _saved(row: Row, other: Variant) -> list[Row]:
+    """Share of the variant's time that the plan saves, and the lower bound of its slowdown."""
+    mine, theirs = _times(row, other.beside), _times(row, other.pace)
+    if min(len(mine), len(theirs)) == 0:
+        return []
+    ratio = time_ratio(mine, theirs, middle=np.mean)
+    interval = (1 - ratio.value, 1 - ratio.high, 1 - ratio.low)
+    saved = with_interval(row, interval, metric="time.saved", unit="1")
+    slower = replace(row, metric="time.slower", unit="1", value=max(0.0, ratio.low - 1))
+    return [saved, slower] if row.subject == ALL else [saved]
+
+
+def means(rows: Sequence[Row], tags: Mapping[str, Sequence[str]]) -> list[Row]:
+    """Geometric means of the plan's time over that with all effects, by engine and group of scenes; the
+    interval assumes that scenes are independent."""
+    found = []
+    for engine in dict.fromkeys(row.engine for row in rows):
+        for group in GROUPS:
+            mine = [
+                row
+                for row in rows
+                if (row.engine, row.metric, row.subject) == (engine, "time.saved", ALL)
+                and group in tags[row.scenario]
+            ]
+            if not mine:
+                continue
+            left = np.log([[1 - row.value, 1 - row.high, 1 - row.low] for row in mine])
+            middle = left[:, 0].mean()
+            down, up = (np.sqrt(((left[:, k] - left[:, 0]) ** 2).sum()) / len(mine) for k in (1, 2))
+            interval = (float(np.exp(middle)), float(np.exp(middle - down)), float(np.exp(middle + up)))
+            fields = {"scenario": group, "metric": "time.left", "reason": f"{len(mine)} scenes"}
+            found.append(with_interval(mine[0], interval, **fields))
+    return found
+
+
+HEADS = (
+    *("scene", "engine", "[µs]", "saved [%]", "95 %", "moved [m]", "outcome"),
+    "plan [ms]",
+)
+MEANS = ("scenes", "engine", "left [%]", "95 % interval", "limit", "of")
+NOTES = (
+    "saved: of the mean frame with all effects, by the plan; the reference net of the call from Python",
+    "outcome: largest difference over frames and bodies; identical: to the bit",
+    "one by one: M off, and it matters   ~ off, within tolerance   = off, identical though needed",
+    "            . on, identical   ! on, and it changes something   x cannot be played so",
+)
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print savings and outcomes, effects one by one, means, and every limit that is broken."""
+    rows = {(r.scenario, r.engine, r.metric, r.subject): r for r in rows_of(frame)}
+    table = table_of("effects: the plan against all effects", HEADS, left=2)
+    for scenario, engine, metric, _ in rows:
+        if metric == "time.frame":
+            table.add_row(*_cells(rows, scenario, engine))
+    out.print(table)
+    _show_toggles(rows, out)
+    means = table_of("effects: geometric means of what the plan leaves of the time", MEANS, left=2)
+    for (scenario, engine, metric, _), row in rows.items():
+        if metric == "time.left" and scenario in GROUPS:
+            between = f"{100 * row.low:.0f} to {100 * row.high:.0f}"
+            count = row.reason.partition(";")[0]
+            means.add_row(scenario, engine, f"{100 * row.value:.0f}", between, limit_text(row), count)
+    out.print(means)
+    print_remarks(frame, out, NOTES)
+
+
+def outcome(row: Row | None) -> str:
+    """Verdict on the outcome in a row: its code."""
+    return "" if row is None else row.reason_code
+
+
+def mark(rows: dict[tuple[str, str, str, str], Row], scenario: str, effect: str) -> str:
+    """Mark of the outcome of toggling an effect on the reference."""
+    for sign, words in (("-", {MATTERS: "M", WITHIN: "~", IDENTICAL: "="}), ("+", {IDENTICAL: "."})):
+        row = rows.get((scenario, REFERENCE, "effects.moved", sign + effect))
+        if row is not None:
+            return words.get(outcome(row), "!")
+    return "x"
+
+
+def _show_toggles(rows: dict[tuple[str, str, str, str], Row], out: Console) -> None:
+    scenes = [key[0] for key in rows if key[1:3] == (REFERENCE, "time.frame")]
+    if not scenes:
+        return
+    heads = ("scene", *(EFFECT_TABLE[effect].short for effect in TOGGLED))
+    table = table_of("effects: one by one, on the reference", heads, left=1)
+    for scenario in scenes:
+        table.add_row(scenario, *(mark(rows, scenario, effect) for effect in TOGGLED))
+    out.print(table)
+
+
+def _cells(rows: dict[tuple[str, str, str, str], Row], scenario: str, engine: str) -> list[str]:
+    def of(metric: str, subject: str = ALL) -> Row | None:
+        return rows.get((scenario, engine, metric, subject))
+
+    saved, moved, plan = of("time.saved"), of("effects.moved"), of("time.plan", "")
+    return [
+        scenario,
+        engine,
+        value_text(of("time.frame", ""), MICRO),
+        "" if saved is None else _percent(saved.value),
+        "" if saved is None else f"{_percent(saved.low)} to {_percent(saved.high)}",
+        _difference(moved),
+        outcome(moved),
+        "" if plan is None else exact_number(1e3 * plan.value),
+    ]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share + 0.0:.0f}"
+
+
+def _difference(row: Row | None) -> str:
+    if row is None:
+        return ""
+    return "0" if row.value == 0 else f"{row.value:.1e}"
+
+
+CELLS = {
+    "M": ("#0072B2", "needed, and it matters"),
+    "~": ("#8FC3E3", "needed, within tolerance"),
+    "=": ("#F0C878", "needed by its bounds, yet identical"),
+    ".": ("#F2F2F2", "not needed: identical"),
+    "!": ("#D55E00", "not needed, yet it changes something"),
+    "x": ("#FFFFFF", "cannot be played so"),
+}
+"""Colour and meaning of each mark."""
+
+
+def savings(frame: pd.DataFrame, path: Path) -> None:
+    """Draw savings per scene and engine with their intervals, beside a grid of single toggled effects."""
+    rows = {(r.scenario, r.engine, r.metric, r.subject): r for r in rows_of(frame)}
+    scenes = list(dict.fromkeys(key[0] for key in rows if key[2] == "time.saved" and key[3] == ALL))
+    engines = list(dict.fromkeys(key[1] for key in rows if key[2] == "time.saved"))
+    with figure(path, 11, 2.9 + 0.22 * len(scenes)) as drawn:
+        left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.5, 1))
+        _savings(left, rows, scenes, engines)
+        _grid(right, rows, scenes)
+        handles: list[Line2D | Patch] = [
+            Line2D([], [], color=color_of(e), marker=marker_of(e), linestyle="", label=e) for e in engines
+        ]
+        shown = {mark(rows, scene, effect) for scene in scenes for effect in TOGGLED}
+        looks = [look for sign, look in CELLS.items() if sign in shown]
+        handles += [Patch(facecolor=colour, edgecolor=PALE, label=meaning) for colour, meaning in looks]
+        drawn.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+
+
+def _savings(
+    axes: Axes, rows: dict[tuple[str, str, str, str], Row], scenes: list[str], engines: list[str]
+) -> None:
+    for k, engine in enumerate(engines):
+        for y, scene in enumerate(scenes):
+            row = rows.get((scene, engine, "time.saved", ALL))
+            if row is None:
+                continue
+            place = y + 0.16 * (k - (len(engines) - 1) / 2)
+            colour = color_of(engine)
+            axes.plot([100 * row.low, 100 * row.high], [place, place], color=colour, linewidth=1)
+            size = 5 if engine == REFERENCE else 3.5
+            axes.plot(100 * row.value, place, color=colour, marker=marker_of(engine), markersize=size)
+    axes.axvline(0, color=INK, linewidth=0.8)
+    axes.set_yticks(range(len(scenes)), scenes)
+    axes.set_ylim(len(scenes) - 0.5, -0.5)
+    axes.grid(True, axis="x", color="#e6e6e6", linewidth=0.6)
+    axes.set_title("saved by the plan, of the frame with all effects [%]", fontsize=9, color=INK)
+
+
+def _grid(axes: Axes, rows: dict[tuple[str, str, str, str], Row], scenes: list[str]) -> None:
+    for y, scene in enumerate(scenes):
+        for x, effect in enumerate(TOGGLED):
+            colour = CELLS[mark(rows, scene, effect)][0]
+            axes.barh(y, 1, left=x - 0.5, height=1, color=colour, edgecolor="white", linewidth=1)
+    axes.set_xlim(-0.5, len(TOGGLED) - 0.5)
+    axes.set_xticks(range(len(TOGGLED)), [e.replace("_", " ") for e in TOGGLED], rotation=60, ha="left")
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0)
+    axes.set_title("each effect alone, on the reference", fontsize=9, color=INK)

@@ -1,0 +1,308 @@
+"""The study `relations`: truths that need no answer, on every scene and engine.
+
+Each scene is changed in a way whose effect on the motion is known (`scenarios.relations`). The rows hold the
+deviation over the scene's size. It is judged, for the reference, over the scene's amplification: what an
+engine makes of a perturbation of 1e-9 m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import nan
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import AdapterError, Array, Engine, Settings
+from touchstone.adapters.knobs import Range
+from touchstone.adapters.recorder import record
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import ENGINES, installed, settings_of
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row
+from touchstone.reports.studies.charts import figure, headline, open_axes
+from touchstone.reports.studies.study import Column, kept, missing_rows, print_failures
+from touchstone.reports.studies.tasks import Ended, Task, played
+from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.scenarios.catalogue import tagged
+from touchstone.scenarios.relations.changes import bare
+from touchstone.scenarios.relations.table import RELATIONS
+from touchstone.scenarios.scenario import Scenario, vector
+from touchstone.scenarios.transforms import perturbed
+
+SPLIT = "split"
+"""Relation of a run with one that starts from its state in the middle."""
+NAMES = (*RELATIONS, SPLIT)
+PERTURBATION = 1e-9
+"""Displacement of each body by which the amplification is measured [m]."""
+DIRECTIONS = 4
+"""Random directions of that displacement [1]: where a collapse depends on the order of impacts, some
+directions grow a thousand times as far as others."""
+POWERS = {"m": 2, "m/s": 1, "s": 1}
+"""Power of the ratio of times with which a setting of this unit grows in Froude's law."""
+STILL = 1e-6
+"""Distance that a body may move while trackers wait [m]."""
+ARM = 0.05
+"""Distance of the body-fixed points that are compared from their body's origin [m]: orientations count."""
+
+
+@dataclass(frozen=True, slots=True)
+class Deviations:
+    """Deviation of every relation over the scene's size [1], NaN with a reason where it does not apply.
+
+    `amplification` is the largest distance of motions after perturbations, over these [1]; `size` is
+    the extent of the motion [m].
+    """
+
+    deviations: dict[str, float]
+    reasons: dict[str, str]
+    amplification: float = nan
+    size: float = nan
+
+
+def compare(engine: Engine, task: Task) -> Deviations:
+    """Play the scene and all its changes in this process."""
+    plain = bare(task.scenario)
+    first = record(engine, plain, task.settings)
+    points = _points(first, plain, np.eye(3), 1.0)
+    size = _size(points)
+    found: dict[str, float] = {}
+    reasons: dict[str, str] = {}
+    for name in NAMES:
+        try:
+            found[name] = _deviation(engine, task, plain, first, name) / size
+        except (AdapterError, _NotApplied) as error:
+            found[name], reasons[name] = nan, str(error)
+    return Deviations(found, reasons, _amplification(engine, task, plain, points), size)
+
+
+class _NotApplied(Exception):
+    """The relation does not apply to the scene; the message says why."""
+
+
+def _deviation(engine: Engine, task: Task, plain: Scenario, first: Recording, name: str) -> float:
+    """Largest distance of a point from where the relation says that it is [m]."""
+    if name == SPLIT:
+        return _split(engine, task, plain, first)
+    relation = RELATIONS[name]
+    if not relation.applies(plain):
+        raise _NotApplied("does not apply to this scene")
+    changed = relation.change(plain)
+    rescaled = _rescaled(task, relation.times) if relation.times != 1 else task.settings
+    other = record(engine, changed, rescaled)
+    names = [body.name for body in changed.bodies]
+    order = [names.index(body.name) for body in plain.bodies]
+    theirs = _points(other, changed, relation.own, relation.scale)[relation.wait :, order]
+    if relation.wait and _distance(theirs[:1], _points(first, plain, np.eye(3), 1.0)[:1]) > STILL:
+        raise _NotApplied("bodies move while the trackers wait")
+    back = (theirs - np.array(relation.offset)) @ relation.matrix / relation.scale
+    return _distance(back, _points(first, plain, np.eye(3), 1.0))
+
+
+def _rescaled(task: Task, times: float) -> Settings:
+    """Settings of a run whose times are `times` as long and lengths `times`^2, those in m, m/s and s too."""
+    settings, known = task.settings, settings_of(task.engine)
+    given = dict(text.split("=", 1) for text in settings.changes)
+    for name, setting in known.items():
+        text = given.get(name, setting.profiles[known.column(settings.profile)])
+        if isinstance(setting, Range) and setting.unit in POWERS and text:
+            given[name] = repr(float(text) * times ** POWERS[setting.unit])
+    changes = known.changes(settings.profile, [f"{name}={value}" for name, value in given.items()])
+    return replace(settings, dt=settings.dt * times, changes=changes)
+
+
+def _split(engine: Engine, task: Task, plain: Scenario, first: Recording) -> float:
+    """Distance of the second half of a run from a run that starts from its middle [m]."""
+    if plain.trackers:
+        raise _NotApplied("trackers start at time 0")
+    half = plain.frame_count // 2
+    bodies = tuple(
+        replace(
+            body,
+            position=vector(first.position[half, k]),
+            orientation=_unit(first.orientation[half, k]),
+            linear_velocity=vector(first.linear_velocity[half, k]),
+            angular_velocity=vector(first.angular_velocity[half, k]),
+        )
+        if body.kind == "simulated"
+        else body
+        for k, body in enumerate(plain.bodies)
+    )
+    left = (plain.frame_count - half) / plain.frame_rate
+    second = record(engine, replace(plain, bodies=bodies, duration=left), task.settings)
+    ones = np.eye(3)
+    return _distance(_points(second, plain, ones, 1.0), _points(first, plain, ones, 1.0)[half:])
+
+
+def _unit(q: Array) -> tuple[float, float, float, float]:
+    w, x, y, z = (float(value) for value in q / np.linalg.norm(q))
+    return (w, x, y, z)
+
+
+def _amplification(engine: Engine, task: Task, plain: Scenario, points: Array) -> float:
+    """Largest distance of a perturbed motion over the perturbation, at least 1 [1]."""
+    found = [1.0]
+    for seed in range(DIRECTIONS):
+        try:
+            other = record(engine, perturbed(plain, PERTURBATION, seed), task.settings)
+        except AdapterError:
+            return nan
+        found.append(_distance(_points(other, plain, np.eye(3), 1.0), points) / PERTURBATION)
+    return max(found)
+
+
+def _points(recording: Recording, scenario: Scenario, own: Array, scale: float) -> Array:
+    """World positions of three body-fixed points of every body (f, n, 3, 3) [m]; zero for fixed bodies."""
+    frames, count = recording.position.shape[:2]
+    turn = Rotation.from_quat(recording.orientation.reshape(-1, 4), scalar_first=True).as_matrix()
+    arms = scale * ARM * own  # columns: the images of the axes
+    found = recording.position[:, :, None] + (turn @ arms).reshape(frames, count, 3, 3).swapaxes(2, 3)
+    return np.asarray(found)
+
+
+def _distance(one: Array, two: Array) -> float:
+    frames = min(len(one), len(two))
+    return float(np.linalg.norm(one[:frames] - two[:frames], axis=-1).max())
+
+
+def _size(points: Array) -> float:
+    """Extent of the motion [m]: the largest path of a point, or ARM where nothing moves."""
+    return max(ARM, float(np.linalg.norm(points - points[0], axis=-1).max()))
+
+
+STUDY = "relations"
+AMPLIFICATION = f"{STUDY}.amplification"
+METRICS = (*(f"{STUDY}.{name}" for name in NAMES), AMPLIFICATION)
+"""Metrics of the study's rows."""
+HELD = 1e-9
+"""Largest deviation of a relation that holds, over the scene's size and its amplification [1]: rounding."""
+MOST_BODIES = 16
+"""Largest number of bodies of a default scene: eleven runs of a larger one take DART minutes."""
+QUICK = ("fall", "slide", "stack", "bounce_e05", "collide_oblique", "roll")
+"""Scenes of a quick study."""
+
+
+def default_scenes() -> list[Scenario]:
+    """The probes of up to MOST_BODIES bodies."""
+    return [scene for scene in tagged("probe") if len(scene.bodies) <= MOST_BODIES]
+
+
+def tasks(columns: Sequence[Column], scenes: Sequence[Scenario]) -> list[Task]:
+    """Every scene in every column of an installed engine."""
+    return [
+        Task(scene, engine, Settings(profile, ENGINES[engine].profiles[profile]))
+        for scene in scenes
+        for engine, profile in columns
+        if installed(engine)
+    ]
+
+
+def run(columns: Sequence[Column], scenes: Sequence[Scenario], out: Path, progress: Progress) -> pd.DataFrame:
+    """Play all tasks; the folder appears complete or not at all."""
+    with output_folder(out) as folder:
+        asked = tasks(columns, scenes)
+        found = played(compare, asked, folder / "output", progress)
+        rows = missing_rows(STUDY, columns)
+        for task, one in zip(asked, found):
+            rows += rows_of_task(task, one)
+        facts = {"study": STUDY, "scenes": [scene.name for scene in scenes]}
+        return kept(
+            [*missing_rows(STUDY, columns), *rows], folder, facts, {"relations.png": deviations_picture}
+        )
+
+
+def rows_of_task(task: Task, found: Deviations | Ended) -> list[Row]:
+    """Rows of a scene on an engine: one per relation, and the amplification."""
+    key = (STUDY, task.scenario.name, task.engine, task.settings.label, task.settings.dt)
+    if isinstance(found, Ended):
+        return [Row(*key, "run", verdict="error", reason=found.reason)]
+    rows = [Row(*key, AMPLIFICATION, found.amplification, "1")]
+    for name in NAMES:
+        value, verdict, limit = found.deviations[name], "", float("nan")
+        if name in found.reasons:
+            verdict = "skipped"
+        elif task.engine == "reference":
+            limit = HELD * found.amplification
+            verdict = "pass" if value <= limit else "fail"
+        reason = found.reasons.get(name, "")
+        rows.append(Row(*key, f"{STUDY}.{name}", value, "1", limit=limit, verdict=verdict, reason=reason))
+    return rows
+
+
+NOTES = (
+    "scenes in which a relation holds to 1e-9 of their size times their amplification, of those to which it",
+    "applies; then the median and the largest deviation over size and amplification [1].",
+)
+LISTED = 12
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print per relation and column in how many scenes it holds and by how much it does not."""
+    rows = scaled(frame)
+    columns = list(dict.fromkeys(zip(rows.engine, rows.profile)))
+    heads = [f"{engine} {profile}" for engine, profile in columns]
+    table = table_of("relations: changed scenes", ("relation", *heads), padding=(0, 2, 0, 0))
+    for name in NAMES:
+        mine = rows[rows.relation == name].set_index(["engine", "profile"]).scaled
+        table.add_row(name, *(_cell(mine[mine.index == column]) for column in columns))
+    out.print(table)
+    print_notes((*NOTES, *_meanings()), out)
+    print_failures(frame[frame.verdict.isin(["fail", "error"])][:LISTED], out)
+
+
+def _cell(part: pd.Series) -> str:
+    if part.empty:
+        return ""
+    return f"{int((part <= HELD).sum())} of {len(part)}  {part.median():.0e} {part.max():.0e}"
+
+
+def _meanings() -> list[str]:
+    summaries = [f"{one.name}: {one.summary}" for one in RELATIONS.values()]
+    return [*summaries, f"{SPLIT}: a run in two parts, the second from the state in the middle"]
+
+
+FLOOR, CEILING = 1e-18, 10.0
+"""Smaller and larger deviations are drawn at these values [1]."""
+
+
+def deviations_picture(frame: pd.DataFrame, path: Path) -> None:
+    """Draw one row of markers per relation and engine, on a logarithmic axis."""
+    rows = scaled(frame)
+    engines = list(dict.fromkeys(rows.engine))
+    with figure(path, 8.6, 1.4 + 0.5 * len(NAMES)) as drawn:
+        axes = drawn.subplots()
+        for k, name in enumerate(NAMES):
+            for j, engine in enumerate(engines):
+                part = rows[(rows.relation == name) & (rows.engine == engine)].scaled.to_numpy(dtype=float)
+                places = np.full(len(part), k + 0.17 * (j - len(engines) / 2 + 0.5))
+                axes.plot(
+                    np.clip(part, FLOOR, CEILING), places, marker_of(engine), color=color_of(engine),
+                    markersize=4, alpha=0.7, markeredgewidth=0, label=engine if k == 0 else None,
+                )  # fmt: skip
+        axes.axvline(HELD, color=PALE, linewidth=0.9, linestyle=":")
+        axes.set_xscale("log")
+        axes.set_xlim(FLOOR / 2, CEILING * 2)
+        axes.set_yticks(range(len(NAMES)), NAMES)
+        axes.set_ylim(len(NAMES) - 0.4, -0.6)
+        text = "deviation over the scene's size and its amplification [1]; dotted: rounding"
+        axes.set_xlabel(text, color=INK)
+        open_axes(axes, "x")
+        headline(drawn, "Changed scenes: how far motions are from where they must be")
+        drawn.legend(loc="outside lower left", ncols=4, frameon=False)
+
+
+def scaled(frame: pd.DataFrame) -> pd.DataFrame:
+    """Rows of relations that apply, with their name and the deviation over the amplification."""
+    key = ["scenario", "engine", "profile"]
+    amplified = frame[frame.metric == "relations.amplification"].set_index(key).value
+    rows = frame[frame.metric.isin([f"relations.{name}" for name in NAMES]) & frame.value.notna()].copy()
+    rows["relation"] = rows.metric.str.removeprefix("relations.")
+    factors = [float(amplified.get(tuple(one), 1.0)) for one in rows[key].to_numpy().tolist()]
+    rows["scaled"] = rows.value / np.maximum(1.0, np.nan_to_num(factors, nan=1.0))
+    return rows

@@ -1,0 +1,83 @@
+"""What all studies share beside their tasks (`tasks.py`): the folder of results, and failures as lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.console import Console
+
+from touchstone.adapters.contract import MISSING
+from touchstone.adapters.registry import installed, missing_reason
+from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
+from touchstone.reports.studies.tasks import own_step
+from touchstone.reports.views.tables import exact_number
+
+Column = tuple[str, str]
+"""Engine and profile."""
+Picture = Callable[[pd.DataFrame, Path], object]
+
+
+class RefusedError(ValueError):
+    """What is asked for cannot be measured; the message says why, in one line."""
+
+
+def missing_rows(study: str, columns: Iterable[Column], scenario: str = "all") -> list[Row]:
+    """A row per column whose engine is not installed."""
+    return [
+        Row(
+            study,
+            scenario,
+            *column,
+            own_step(*column),
+            "run",
+            verdict=MISSING,
+            reason=missing_reason(column[0]),
+        )
+        for column in columns
+        if not installed(column[0])
+    ]
+
+
+def with_interval(row: Row, interval: tuple[float, float, float], **fields: Any) -> Row:
+    """The row with a value and the interval around it (value, low, high), and other fields."""
+    value, low, high = interval
+    return replace(row, value=value, low=low, high=high, **fields)
+
+
+def kept(
+    rows: Iterable[Row] | pd.DataFrame,
+    folder: Path,
+    facts: Mapping[str, object],
+    pictures: Mapping[str, Picture] = {},
+) -> pd.DataFrame:
+    """Save rows, manifest and pictures by their names in the folder; returns the long table."""
+    frame = rows if isinstance(rows, pd.DataFrame) else table(rows)
+    save(frame, folder)
+    save_manifest(folder, facts)
+    for name, draw in pictures.items():
+        illustrate(folder / name, partial(draw, frame))
+    return frame
+
+
+def failure_lines(frame: pd.DataFrame) -> list[str]:
+    """Lines of rows that broke a limit or failed, and of runs that did not take place, with their reasons."""
+    lines = []
+    for row in rows_of(frame[frame.verdict.isin(["fail", "known", "error"]) | (frame.metric == "run")]):
+        names = (row.engine, row.profile, row.scenario if row.scenario != "all" else "", row.subject)
+        what = " ".join(filter(None, (*names, row.metric if row.metric != "run" else "")))
+        if row.limit == row.limit:
+            what += f" {exact_number(row.value)}, limit {exact_number(row.limit)}"
+        lines.append(": ".join(filter(None, (row.verdict, what, row.reason))))
+    return lines
+
+
+def print_failures(frame: pd.DataFrame, out: Console) -> None:
+    """Print `failure_lines`."""
+    for line in failure_lines(frame):
+        style = "red" if line.startswith(("fail", "error")) else ""
+        out.print(line, highlight=False, soft_wrap=True, style=style)

@@ -1,1 +1,0 @@
-"""Search of an engine's settings for tolerances."""
