@@ -59,11 +59,12 @@ class Parameters(NamedTuple):
 def parameters_of(profile: str, changes: Iterable[str]) -> Parameters:
     """Settings of a profile with its changes ("key=value").
 
+    `recommended`, `accurate`: hulls have no margin of 1 mm, by which they hover (pybullet's quickstart guide).
     `accurate`: at four times the default rate, a quarter of the correction per step corrects at the same
     rate in time and adds a quarter of the speed to a rebound. Contacts slower than twice the speed that
     gravity adds in a step of 1/960 s rest instead of bouncing. There are no contacts ahead of a collision:
     they brake a body before it touches, and only the remaining speed bounces (bullet3, pull requests 1701
-    and 3096, issue 3094); and no margin of 1 mm, by which hulls hover (pybullet's quickstart guide).
+    and 3096, issue 3094).
     """
     values = SETTINGS.in_force(profile, changes)
     own = {name: values.pop(name, None) for name in OF_BODIES}
