@@ -59,7 +59,7 @@ class Parameters(NamedTuple):
 def parameters_of(profile: str, changes: Iterable[str]) -> Parameters:
     """Settings of a profile with its changes ("key=value").
 
-    `recommended`, `accurate`: hulls have no margin of 1 mm, by which they hover (pybullet's quickstart guide).
+    `recommended`, `accurate`: no margin of 1 mm, by which hulls hover (pybullet's quickstart guide).
     `accurate`: at four times the default rate, a quarter of the correction per step corrects at the same
     rate in time and adds a quarter of the speed to a rebound. Contacts slower than twice the speed that
     gravity adds in a step of 1/960 s rest instead of bouncing. There are no contacts ahead of a collision:
