@@ -120,7 +120,7 @@ def _fastest_row(bodies, pairs, count, state):
 
 @kernel
 def resting_restitution(e, approach, v_rest):
-    """Restitution that falls linearly from e at 3/2 v_rest to 0 at v_rest; speeds in m/s."""
+    """Restitution that falls linearly from e at 2 v_rest to 0 at v_rest; speeds in m/s."""
     if v_rest <= 0:
         return e
-    return e * min(1.0, max(0.0, 2 * (approach / v_rest - 1)))
+    return e * min(1.0, max(0.0, approach / v_rest - 1))

@@ -13,8 +13,8 @@ from touchstone.reference_impl.contact.impact import resting_restitution
 
 
 def test_restitution_fades_towards_rest() -> None:
-    """Fade linearly from e at 3/2 v_rest to 0 at v_rest."""
-    approaches = [0.0, 1.0, 1.25, 1.5, 5.0]
+    """Fade linearly from e at 2 v_rest to 0 at v_rest."""
+    approaches = [0.0, 1.0, 1.5, 2.0, 5.0]
     faded = [resting_restitution(0.8, approach, 1.0) for approach in approaches]
     np.testing.assert_allclose(faded, [0, 0, 0.4, 0.8, 0.8])
     assert resting_restitution(0.8, 0.1, 0.0) == 0.8
