@@ -86,24 +86,24 @@ def _end_geometry(world, a, b, pair, out_found):
             return converged
     n, flat_a, flat_b = vector_of(pair["start_normal"]), pair["flat_a"], pair["flat_b"]
     r_a, r_b = one["radius"], two["radius"]
-    p = in_body(a, plus(vector_of(pair["point_a"]), -r_a, n), 1.0)
-    q = in_body(b, plus(vector_of(pair["point_b"]), r_b, n), 1.0)
-    n_a, n_b = in_body(a, n, 0.0), in_body(b, n, 0.0)
-    e, f = in_body(a, vector_of(pair["edge_a"]), 0.0), in_body(b, vector_of(pair["edge_b"]), 0.0)
+    p = _in_body(a, plus(vector_of(pair["point_a"]), -r_a, n), 1.0)
+    q = _in_body(b, plus(vector_of(pair["point_b"]), r_b, n), 1.0)
+    n_a, n_b = _in_body(a, n, 0.0), _in_body(b, n, 0.0)
+    e, f = _in_body(a, vector_of(pair["edge_a"]), 0.0), _in_body(b, vector_of(pair["edge_b"]), 0.0)
     for side in range(2):
         if is_moving(b if side else a):
             pose_along(b if side else a, 1.0)
-    p, q = in_world(a, p, 1.0), in_world(b, q, 1.0)
+    p, q = _in_world(a, p, 1.0), _in_world(b, q, 1.0)
     if flat_a == 2:
-        n = in_world(a, n_a, 0.0)
+        n = _in_world(a, n_a, 0.0)
         gap = dot(n, q) - dot(n, p)
         p = plus(q, -gap, n)
     elif flat_b == 2:
-        n = in_world(b, n_b, 0.0)
+        n = _in_world(b, n_b, 0.0)
         gap = dot(n, q) - dot(n, p)
         q = plus(p, gap, n)
     elif flat_a == 1 and flat_b == 1:
-        e, f = in_world(a, e, 0.0), in_world(b, f, 0.0)
+        e, f = _in_world(a, e, 0.0), _in_world(b, f, 0.0)
         m, u = cross(e, f), plus(q, -1.0, p)
         sin2, cos, over_a, over_b = dot(m, m), dot(e, f), dot(u, e), dot(u, f)
         along = over_a
@@ -129,15 +129,15 @@ def _end_geometry(world, a, b, pair, out_found):
 
 
 @kernel
-def in_body(body, v, place):
+def _in_body(body, v, place):
     """A world vector in the axes of a body; with `place` 1, the place of a world point on it."""
     x, m = plus(v, -place, body["center"]), body["rotation"]
     return column(m, 0, x), column(m, 1, x), column(m, 2, x)
 
 
 @kernel
-def in_world(body, v, place):
-    """Inverse of `in_body`."""
+def _in_world(body, v, place):
+    """Inverse of `_in_body`."""
     m = body["rotation"]
     return plus((row(m, 0, v), row(m, 1, v), row(m, 2, v)), place, body["center"])
 
