@@ -14,7 +14,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from touchstone.adapters.contract import Engine, Settings
 from touchstone.adapters.registry import load
-from touchstone.adapters.workers.process import PATIENCE, ChildProcess
+from touchstone.adapters.workers.process import PATIENCE, STARTING, ChildProcess
 
 Child = TypeVar("Child", bound=ChildProcess)
 Task = TypeVar("Task")
@@ -104,6 +104,8 @@ class Pool(Generic[Child]):
             self._stopped = True
             for slot in self._slots:
                 slot.stop()
+            with STARTING:  # a process that starts now reads what it is to do, and ends
+                pass
 
     def _take(self, source: Iterator[Task]) -> Task | None:
         with self._lock:

@@ -44,16 +44,29 @@ ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 @contextmanager
 def interrupt_held() -> Iterator[None]:
-    """Block Ctrl-C, and signals that end a run as Ctrl-C does.
+    """Hold back Ctrl-C, and signals that end a run as Ctrl-C does, until the end.
 
-    Child processes that start meanwhile do not hear Ctrl-C: the parent handles it.
+    Child processes that start meanwhile do not hear Ctrl-C: the parent handles it. Blocking holds back this
+    thread alone, and another one (numpy's linear algebra has its own) may receive the signal, whose handler
+    then runs in the main thread: handlers of Python only record it meanwhile.
     """
     resource_tracker.ensure_running()  # Its start would unblock Ctrl-C.
+    held: list[int] = []
+    handlers: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, *ENDING)}
+        handlers = {number: handler for number, handler in handlers.items() if callable(handler)}
+    for number in handlers:
+        signal.signal(number, lambda received, _: held.append(received))
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, *ENDING})
     try:
         yield
     finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number in held[:1]:
+            signal.raise_signal(number)
 
 
 @contextmanager

@@ -3,10 +3,32 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import threading
 
-from touchstone.adapters.workers.process import THREADS, one_thread
+import pytest
+
+from touchstone.adapters.workers.process import THREADS, interrupt_held, one_thread
+
+
+def test_ctrl_c_that_another_thread_receives_is_held_back() -> None:
+    """Blocked in the main thread, Ctrl-C reaches any other thread: what starts is started, then it counts."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    other, done = threading.Event(), []
+    thread = threading.Thread(target=other.wait)
+    thread.start()
+    try:
+        with pytest.raises(KeyboardInterrupt), interrupt_held():
+            signal.pthread_kill(thread.ident, signal.SIGINT)
+            other.set()
+            thread.join()
+            done.append("started")
+    finally:
+        other.set()
+        signal.signal(signal.SIGINT, before)
+    assert done == ["started"]
 
 
 def test_children_have_one_thread_and_the_parent_keeps_its_own(monkeypatch) -> None:
