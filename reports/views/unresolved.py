@@ -1,4 +1,5 @@
-"""The warning of a run whose solver left contacts or time unresolved."""
+"""The warning of a run whose solver left contacts or time unresolved. An iteration that reaches its cap is
+counted (`solver.caps`), and warns by what it leaves."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ from dataclasses import replace
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context, NotMeasured, Value
-from touchstone.reports.metrics.solver import CAPS, RESIDUAL, cap_counters, worst_place
+from touchstone.reports.metrics.solver import RESIDUAL, worst_place
 from touchstone.reports.results import Row
 from touchstone.reports.verdict.judge import judged
 
@@ -14,7 +15,6 @@ KINDS = {
     "solver.residual": ((RESIDUAL,), "contact solve left {} m/s in {}"),
     "solver.dropped_time": (("dropped_time",), "{} s were not simulated, most of it in {}"),
     "solver.parted_energy": (("parted_energy",), "parting overlap added {} J, most of it in {}"),
-    "solver.caps": (CAPS, "caps reached: {}, most in {}"),
 }
 """Metric -> its counters, and the warning's texts of its size and its worst place."""
 
@@ -36,7 +36,6 @@ def warning(base: Row, context: Context) -> str | None:
             return None
         row = judged(replace(base, metric=metric, value=value), context.scenario.tags)
         if row.verdict in ("fail", "known"):
-            counters = cap_counters(context) if counters is CAPS else counters
             parts.append(words.format(f"{value:.3g}", worst_place(context, *counters)))
     return f"warning: {base.engine} {base.profile} {base.scenario}: {'; '.join(parts)}" if parts else None
 

@@ -90,7 +90,8 @@ def test_a_new_cap_is_counted_and_shown(context):
     reported = context({3: {"cap.posture_qp": 4, "lost": 1}}, names=(*NAMES, "cap.posture_qp"))
     (found,) = METRICS["solver.caps"].measure(reported).values()
     assert (found.value, found.reason) == (5, "lost 1, cap.posture_qp 4; most in frame 3")
-    assert "caps reached: 5, most in frame 3" in warned(reported)
+    # a cap that leaves nothing behind warns nobody
+    assert warned(reported) is None
 
 
 def test_a_resolved_run_is_zero_and_says_nothing(context):
@@ -98,7 +99,7 @@ def test_a_resolved_run_is_zero_and_says_nothing(context):
     reported = context()
     assert [METRICS[name].measure(reported) for name in SOLVER_METRICS] == [{"": 0.0}] * 4
     rows = rows_of(reported)
-    assert [row.verdict for row in rows] == ["pass"] * 4
+    assert [row.verdict for row in rows] == ["pass"] * 3 + [""]
     assert warned(reported) is None
 
 
@@ -128,8 +129,7 @@ def test_one_line_names_scene_profile_frame_and_pair(context):
     assert warned(reported) == (
         "warning: reference balanced scene: contact solve left 3e-05 m/s in frame 2 (one, two); "
         "0.003 s were not simulated, most of it in frame 4 (ground, one); "
-        "parting overlap added 0.75 J, most of it in frame 6 (ground, two); "
-        "caps reached: 3, most in frame 2 (one, two)"
+        "parting overlap added 0.75 J, most of it in frame 6 (ground, two)"
     )
 
 
@@ -137,11 +137,11 @@ def test_known_failings_are_warned_of(context, monkeypatch):
     """Warn of what is known to fail as well: the numbers of the run are no better for it."""
     known = Failing(
         engine="reference", profile="balanced", scenario="scene", metric="solver.dropped_time",
-        largest=0.02, cause="reference.stops",
+        largest=0.02, cause="reference.heap",
     )  # fmt: skip
     monkeypatch.setattr(failings, "known", lambda: {known.key: known})
     reported = context({2: {"dropped_time": 0.01}})
-    assert [row.verdict for row in rows_of(reported)] == ["pass", "known", "pass", "pass"]
+    assert [row.verdict for row in rows_of(reported)] == ["pass", "known", "pass", ""]
     assert "0.01 s were not simulated, most of it in frame 2" in str(warned(reported))
 
 
@@ -152,7 +152,7 @@ def test_a_frame_without_contacts_has_no_pair(context):
 
 
 @pytest.mark.parametrize("profile", ["balanced", "accurate"])
-@pytest.mark.parametrize("name", SOLVER_METRICS)
+@pytest.mark.parametrize("name", SOLVER_METRICS[:3])
 def test_every_scene_has_a_limit(profile, name):
     """Judge each of these metrics in every scene of the catalogue, in both profiles that claim exactness."""
     for scenario in catalogue().values():
