@@ -210,6 +210,23 @@ def convergence(
     return StudyRequest(len(cells), partial(module.run, cells, store, jobs=jobs), module.show, store)
 
 
+@studied("ablation", judge=True)
+def ablation(
+    name: Annotated[
+        list[str] | None, typer.Argument(help="Texts in names of constants and mechanisms (default: all).")
+    ] = None,
+    profile: Annotated[str, typer.Option(help="Profile of the reference.")] = "balanced",
+    scenes: Annotated[int, typer.Option(min=0, max=MOST, help="Random scenes, from seed 0 on.")] = 16,
+) -> StudyRequest:
+    """Vary each constant of the reference, and leave out each mechanism: what it buys, what it costs."""
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.studies import ablation as module
+
+    profile = known("profile", profile, ENGINES["reference"].profiles)
+    asked = module.variations(name or (), profile, scenes)
+    return StudyRequest(len(asked), partial(module.run, asked), module.show)
+
+
 @studied("effects")
 def effects(
     scenario: Annotated[

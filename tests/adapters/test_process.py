@@ -20,7 +20,7 @@ def test_ctrl_c_that_another_thread_receives_is_held_back() -> None:
     thread = threading.Thread(target=other.wait)
     thread.start()
     try:
-        with pytest.raises(KeyboardInterrupt), interrupt_held():
+        with pytest.raises(KeyboardInterrupt), interrupt_held():  # noqa: PT012
             signal.pthread_kill(thread.ident, signal.SIGINT)
             other.set()
             thread.join()
