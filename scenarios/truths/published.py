@@ -94,7 +94,7 @@ def check_published(
             if name not in names and (name or field == "body"):
                 report(f"{path}.{field}", f"unknown body {name!r}; valid: {', '.join(names)}")
         if not np.isfinite(one.value) or not 0 < one.tolerance < np.inf:
-            report(f"{path}.value", f"found {one.value} to {one.tolerance}, expected two numbers")
+            report(f"{path}.value", f"found {one.value:g} to {one.tolerance:g}, expected two numbers")
         if not 0 <= one.start <= one.end <= duration + MOMENT:
             report(f"{path}.start", f"expected 0 <= start <= end <= {duration}")
         if not one.source:
