@@ -341,7 +341,7 @@ def euler_discs() -> Scenario:
     return Scenario(
         name="euler_discs",
         summary="thin discs roll on their rims about centres at rest",
-        tags=(TAG, "conservative"),
+        tags=(TAG,),
         bodies=tuple(bodies),
         coefficients=even("steel", mu=1.0),
         duration=0.5,
