@@ -18,6 +18,7 @@ from numbers import Real
 from typing import Any, Literal
 
 from touchstone.scenarios.truths.force_truth import ForceTruth
+from touchstone.scenarios.truths.published import Published
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -324,6 +325,7 @@ class Scenario(ShortRepr):
     expectations: tuple[Expectation, ...] = ()
     truths: tuple[Truth, ...] = ()
     forces: tuple[ForceTruth, ...] = ()
+    published: tuple[Published, ...] = ()
     limits: tuple[MetricLimit, ...] = ()
     seed: int = 0
 

@@ -48,7 +48,7 @@ def shifted(scenario: Scenario, shift: Array) -> Scenario:
             replace(tracker, positions=tuple(map(vector, np.array(tracker.positions) + next(moves))))
             for tracker in scenario.trackers
         )
-    return replace(scenario, truths=(), forces=(), expectations=(), **fields)  # type: ignore[arg-type]
+    return replace(scenario, truths=(), forces=(), published=(), expectations=(), **fields)  # type: ignore[arg-type]
 
 
 def perturbed(scenario: Scenario, size: float, seed: int) -> Scenario:
@@ -105,6 +105,7 @@ def mirrored(scenario: Scenario) -> Scenario:
         trackers=tuple(map(_mirrored_tracker, scenario.trackers)),
         gravity=mirror(scenario.gravity),
         truths=tuple(_mirrored_truth(truth) for truth in scenario.truths),
+        published=(),
     )
 
 

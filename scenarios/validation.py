@@ -47,6 +47,7 @@ from touchstone.scenarios.scenario import (
 )
 from touchstone.scenarios.truths.force_checks import check_forces
 from touchstone.scenarios.truths.pair_names import ambiguities
+from touchstone.scenarios.truths.published import check_published
 from touchstone.scenarios.truths.smooth_contact import check_smooth_contact
 from touchstone.scenarios.truths.tipping import check_tipping
 
@@ -87,6 +88,7 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
     _check_expectations(scenario, report)
     _check_truths(scenario, report)
     check_forces(scenario, report, sound=not found)
+    check_published(scenario.published, [body.name for body in scenario.bodies], scenario.duration, report)
     return found
 
 

@@ -66,6 +66,7 @@ _HOME = {
     "SimpleWorld": "touchstone.adapters.engines.simple_world",
     **dict.fromkeys(_PARTS, "touchstone.scenarios.scenario"),
     "ForceTruth": "touchstone.scenarios.truths.force_truth",
+    "Published": "touchstone.scenarios.truths.published",
 }
 
 __all__ = [*_HOME]

@@ -266,6 +266,8 @@ def truth_lines(scenario: Scenario) -> Iterator[str]:
         unit = "N" if force.quantity == "force" else "N s"
         window = f"from {force.start:g} to {force.end:g} s"
         yield f"truth {force.body}-{force.other}: {force.quantity} {force.value:.6g} {unit} {window}"
+    for one in scenario.published:
+        yield f"published {one.name}: {one.value:.6g} {one.unit} to {one.tolerance:.3g}; {one.source}"
 
 
 def _numbers(vector: Vector) -> str:

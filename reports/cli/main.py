@@ -209,13 +209,14 @@ def run(
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
         from touchstone.reports.views import first_screen
-        from touchstone.reports.views.terminal import console, show, show_budget, show_losses
+        from touchstone.reports.views.terminal import console, show, show_budget, show_losses, show_published
 
         if in_full:
             (show_losses if at_once else show)(results.frame, console())
             show_budget(results.recordings, console())
         else:
             first_screen.show(results.frame, console(), request.out)
+        show_published(results.frame, request.scenarios, console())
         print(f"results: {request.out}")
     if quiet:
         tell_failures(results.frame, bool(engine))

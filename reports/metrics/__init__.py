@@ -5,7 +5,7 @@ from __future__ import annotations
 from touchstone.reports.metrics import posture, posture_optimum, solver, state, timing
 from touchstone.reports.metrics.contacts import contact, forces, friction, overlap, rest, sliding
 from touchstone.reports.metrics.context import Metric
-from touchstone.reports.metrics.motion import energy, events, flight, momentum, symmetry, truth
+from touchstone.reports.metrics.motion import energy, events, flight, momentum, published, symmetry, truth
 
 _MM, _MS, _US = ("mm", 1e3), ("ms", 1e3), ("us", 1e6)
 
@@ -14,6 +14,7 @@ _ALL = (
     Metric("truth.velocity", "1", "lower", truth.truth_velocity),
     Metric("truth.orientation", "rad", "lower", truth.truth_orientation),
     Metric("truth.spin", "1", "lower", truth.truth_spin),
+    Metric("published.error", "1", "lower", published.published_error),
     Metric("bounce.height", "1", "lower", flight.bounce_height),
     Metric("rotation.flip", "s", "lower", flight.rotation_flip, _MS),
     Metric("rolling.time", "1", "lower", sliding.rolling_time),

@@ -7,6 +7,7 @@ LABELS = {
     "truth.velocity": "error of velocity",
     "truth.orientation": "error of orientation",
     "truth.spin": "error of angular velocity",
+    "published.error": "error against a published value",
     "bounce.height": "error of bounce height",
     "rotation.flip": "error of flip time",
     "rolling.time": "error of the time until rolling",

@@ -50,6 +50,7 @@ class Content:
         summaries: scene -> its sentence.
         history: heading -> chart of nights, as SVG.
         times: table of the times of nights that are too few for a chart, its heads first.
+        published: table of published values, its heads first, and the lines below it.
         studies: long table of studies beside the scenes; None without.
     """
 
@@ -66,6 +67,7 @@ class Content:
     summaries: Mapping[str, str] = field(default_factory=dict)
     history: Mapping[str, str] = field(default_factory=dict)
     times: Sequence[Sequence[str]] = ()
+    published: tuple[Sequence[Sequence[str]], Sequence[str]] = ((), ())
     studies: pd.DataFrame | None = None
 
     def columns(self) -> list[Column]:

@@ -54,6 +54,7 @@ def page(content: Content) -> str:
     every = rows_of(content.frame)
     studies = studies_part(content.studies) if content.studies is not None and len(content.studies) else ""
     parts = [
+        sections.published_part(content),
         sections.charts_part(content),
         sections.nights_part(content),
         fold("Hard cases and studies", studies, "studies") if studies else "",

@@ -14,6 +14,7 @@ from touchstone.reports.results import NOT_RUN, Row
 from touchstone.reports.run.farthest_apart import headlines
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE
+from touchstone.reports.views.published import TITLE as PUBLISHED
 from touchstone.reports.views.tables import MARKS, Column, grid
 
 CHARTS: tuple[tuple[str, str, float, float], ...] = (
@@ -46,6 +47,15 @@ def charts_part(content: Content) -> str:
         return fold("Charts", f"<p>{escape(str(error))}</p>", "charts")
     parts = [figure(title, svg) for title, svg in drawn.items() if svg]
     return fold("Charts", f'<div class="charts">{"".join(parts)}</div>', "charts", True) if parts else ""
+
+
+def published_part(content: Content) -> str:
+    """Published values with their sources, and what was measured; "" where the scenes state none."""
+    table, notes = content.published
+    if not table:
+        return ""
+    body = plain_table(table[0], table[1:], 3) + "".join(f"<p>{escape(line)}</p>" for line in notes)
+    return fold(PUBLISHED, body, "published", True)
 
 
 def nights_part(content: Content) -> str:

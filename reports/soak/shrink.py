@@ -34,7 +34,7 @@ def shrunk(scenario: Scenario, fails: Fails, most: int = MOST_TRIES) -> Scenario
 
 
 def _bare(scenario: Scenario) -> Scenario:
-    return replace(scenario, truths=(), forces=(), expectations=())
+    return replace(scenario, truths=(), forces=(), published=(), expectations=())
 
 
 def _smaller(scenario: Scenario) -> Iterator[Scenario]:

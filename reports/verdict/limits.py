@@ -206,6 +206,7 @@ PROBES: tuple[Limit, ...] = (
     ),
     Limit("force.error", 0.01, "a hundredth of the closed form"),
     Limit("force.error", 0.05, FIRST_ORDER, scenario="impact"),
+    Limit("published.error", 1.0, "within the tolerance of the published value"),
     Limit("truth.position", 0.05, FIRST_ORDER, scenario="fall"),
     Limit("truth.position", 0.05, FIRST_ORDER, scenario="spring"),
     Limit("truth.velocity", 0.05, "5 % of the outcome, as of the coefficients", scenario="isolated"),

@@ -29,6 +29,9 @@ from touchstone.reports.views.frame_budget import BUDGET_PICTURE, HEADS, NOTE, b
 from touchstone.reports.views.losses import HEADS as LOSS_HEADS
 from touchstone.reports.views.losses import NOTE as LOSS_NOTE
 from touchstone.reports.views.losses import TITLE, loss_rows, unmeasured_lines
+from touchstone.reports.views.published import NOTE as PUBLISHED_NOTE
+from touchstone.reports.views.published import TITLE as PUBLISHED
+from touchstone.reports.views.published import published_table
 from touchstone.reports.views.tables import LEGEND, Cell, cell_of, grid, number
 from touchstone.reports.views.terminal import RATIO_HEADS, RATIO_NOTE, RATIO_TITLE, ratio_rows, remark_lines
 from touchstone.scenarios.truths.pair_names import pair_of
@@ -44,6 +47,7 @@ def report(request: Request, results: Results) -> str:
     """The whole page."""
     parts = ["# touchstone run", "", f"`{request.command}`" if request.command else ""]
     parts += _apart(results.frame)
+    parts += _published(request, results)
     parts += _differences(request, results)
     parts += _forces(request, results)
     parts += _losses(results.frame)
@@ -71,6 +75,15 @@ def _apart(frame: pd.DataFrame) -> list[str]:
     """The section on the bodies that are farthest apart; nothing where one column played."""
     rows = apart_table(rows_of(frame))
     return ["", f"## {APART.capitalize()}", "", *_markdown(list(APART_HEADS), rows, 4)] if rows else []
+
+
+def _published(request: Request, results: Results) -> list[str]:
+    """The section on published values, with their sources."""
+    heads, rows, sources = published_table(results.frame, request.scenarios)
+    if not rows:
+        return []
+    lines = [*_markdown(heads, rows, 3), "", PUBLISHED_NOTE, "", *_bullets(sources)]
+    return ["", f"## {PUBLISHED}", "", *lines]
 
 
 FORCE_NOTE = (

@@ -24,7 +24,11 @@ from touchstone.reports.views.losses import NOTE as LOSS_NOTE
 from touchstone.reports.views.losses import TITLE, loss_rows, unmeasured_lines
 from touchstone.reports.views.overview import LEGEND as OVERVIEW_LEGEND
 from touchstone.reports.views.overview import TOTALS, Overview, overview
+from touchstone.reports.views.published import NOTE as PUBLISHED_NOTE
+from touchstone.reports.views.published import TITLE as PUBLISHED
+from touchstone.reports.views.published import published_table
 from touchstone.reports.views.tables import LEGEND, Cell, Grid, grid, number
+from touchstone.scenarios.scenario import Scenario
 
 STYLES = {
     "fail": "bold red",
@@ -124,6 +128,17 @@ def show_losses(frame: pd.DataFrame, out: Console) -> None:
             table.add_row(*row)
         out.print(table)
         print_notes([LOSS_NOTE, *unmeasured_lines(frame)], out)
+
+
+def show_published(frame: pd.DataFrame, scenarios: Iterable[Scenario], out: Console) -> None:
+    """Print the published values of scenes that state some, and what was measured."""
+    heads, rows, sources = published_table(frame, scenarios)
+    if rows:
+        table = table_of(PUBLISHED, heads, left=3, padding=(0, 0, 0, 1))
+        for row in rows:
+            table.add_row(*row)
+        out.print(table)
+        print_notes([PUBLISHED_NOTE, *sources], out)
 
 
 def show_budget(recordings: Mapping[tuple[str, str, str], Recording], out: Console) -> None:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from math import cos, radians, sin
+from math import cos, radians, sin, sqrt
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere, Truth
+from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Piece, Scenario, Sphere, Truth
 from touchstone.scenarios.solids import ball
+from touchstone.scenarios.truths.published import Published
 
 SPHERE, BALL = 1.0, 0.1
 """Radii of the fixed sphere and of the ball [m]."""
 START = radians(5.0)
 """Angle from the top at which the ball is released [rad]."""
+
+GOLDSTEIN = (
+    "Goldstein (1980), Classical Mechanics, chapter 2: a body that slides off a sphere leaves at 2/3 of its "
+    "first height, whence the level speed of its flight"
+)
 
 
 @scene
@@ -30,7 +36,7 @@ def _scene(name: str, summary: str, mu: float) -> Scenario:
     return Scenario(
         name=name,
         summary=summary,
-        tags=("curved",) if mu else ("curved", "conservative"),
+        tags=("curved",) if mu else ("curved", "conservative", "literature"),
         bodies=(
             Body("sphere", "fixed", "wood", (Piece("sphere", Sphere(SPHERE)),)),
             ball("ball", "wood", BALL, 1.0, place),
@@ -38,4 +44,12 @@ def _scene(name: str, summary: str, mu: float) -> Scenario:
         coefficients=(PairCoefficients("wood", "wood", 0.0, mu),),
         duration=1.5,
         truths=(Truth("ball", "smooth_contact"),),
+        published=() if mu else (_leaves(reach),),
     )
+
+
+def _leaves(reach: float) -> Published:
+    """The level speed after the ball has left, where its weight is all that bends its path: v^2 = g r cos."""
+    level = 2 / 3 * cos(START)
+    value = sqrt(GRAVITY * reach * level) * level
+    return Published("speed", "ball", "velocity", value, 0.01 * value, GOLDSTEIN, 1.5, 1.5)

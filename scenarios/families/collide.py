@@ -14,6 +14,7 @@ import numpy as np
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import Arc, Body, PairCoefficients, Scenario, Truth, vector
 from touchstone.scenarios.solids import ball
+from touchstone.scenarios.truths.published import Published
 
 RADIUS = 0.05
 GAP = 0.47
@@ -103,6 +104,11 @@ def _outcome(bodies: tuple[Body, Body], case: Case) -> tuple[Truth, Truth]:
 CRADLE_GAP = 0.187
 """Distance of the first ball from the row [m]: it also arrives within a step."""
 
+MARIOTTE = (
+    "Mariotte (1673), Traité de la percussion: the last ball takes all the speed; Herrmann & Schmälzle "
+    "(1981), Am. J. Phys. 49, 761, disagree: elastic balls that touch disperse some of it"
+)
+
 
 @scene
 def cradle() -> Scenario:
@@ -120,10 +126,11 @@ def cradle() -> Scenario:
     return Scenario(
         name="cradle",
         summary="Newton's cradle: a ball hits a row of four",
-        tags=("probe", "impact", "isolated", "conservative"),
+        tags=("probe", "impact", "isolated", "conservative", "literature"),
         bodies=(first, *balls),
         coefficients=(PairCoefficients("wood", "wood", 1.0, 0.0),),
         duration=0.5,
         effects=("restitution", "friction"),
         truths=tuple(Truth(name, "arcs", arcs) for name, arcs in paths.items()),
+        published=(Published("last ball", "ball_5", "velocity", 1.0, 0.01, MARIOTTE, 0.5, 0.5),),
     )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi
+from math import asin, cos, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import scene
@@ -24,6 +25,7 @@ from touchstone.scenarios.scenario import (
 )
 from touchstone.scenarios.solids import block
 from touchstone.scenarios.truths.force_truth import ForceTruth
+from touchstone.scenarios.truths.published import Published
 
 Array = NDArray[np.float64]
 TAGS = ("prescribed",)
@@ -40,6 +42,12 @@ FREQUENCY, PERIODS = 2.0, 4
 """Frequency of the shakers [1/s], and how many periods they shake."""
 KEYFRAMES_PER_PERIOD = 30
 """Keyframes of a shaker: its spline deviates from a sine by 1e-5 of the amplitude."""
+
+WESTERMO = (
+    "Westermo & Udwadia (1983), Earthquake Eng. Struct. Dyn. 11, 135: a block on a base a sin(w t) sticks "
+    "for mu g >= a, slides throughout for mu g < 0.537 a, and slips and sticks between"
+)
+NEWMARK = "Newmark (1965), Géotechnique 15, 139: u = V^2 / (2 g N) (1 - N / A) after a pulse A g"
 
 Phases = tuple[tuple[float, float, float], ...]
 """Durations [s], and accelerations at the start and at the end of each, linear between them [m/s^2]."""
@@ -58,9 +66,9 @@ def platform_stick() -> Scenario:
     """The platform accelerates at less than mu g = 2.943 m/s^2: the load moves with it."""
     phases = _there(2.9, speeding=0.35, steady=0.2)
     summary = "a load sticks to a platform that starts and stops at 2.9 m/s2, below mu g"
-    return _with_forces(
-        _platform("platform_stick", summary, ACROSS, *_path(phases), duration=1.5), (0.1, 1.5)
-    )
+    scene = _platform("platform_stick", summary, ACROSS, *_path(phases), duration=1.5)
+    value = Published("slip", "load", "distance", 0.0, 1e-4, WESTERMO, 0.0, 1.5, other="platform")
+    return _published(_with_forces(scene, (0.1, 1.5)), value)
 
 
 @scene
@@ -76,7 +84,68 @@ def shaker_across() -> Scenario:
     """A sine of twice mu g across gravity: the load slides to and fro, and sticks between."""
     summary = "a load slides on a platform shaken sideways at 2 mu g"
     path, duration = _sine(2 * MU * GRAVITY), PERIODS / FREQUENCY
-    return _with_forces(_platform("shaker_across", summary, ACROSS, *path, duration), (0.1, duration))
+    scene = _platform("shaker_across", summary, ACROSS, *path, duration)
+    # it slides throughout and turns round near 0.803 s and 1.053 s: the speed rises and falls at mu g
+    period = 1 / FREQUENCY
+    stroke = MU * GRAVITY * period**2 / 16
+    value = Published("stroke", "load", "distance", stroke, 0.01 * stroke, WESTERMO, 0.8, 1.05)
+    return _published(_with_forces(scene, (0.1, duration)), value)
+
+
+@scene
+def shaker_stick_slip() -> Scenario:
+    """A sine of 4/3 mu g across gravity: the load slips and sticks in each half of a period."""
+    share, rate, duration = 0.75, 2 * pi * FREQUENCY, PERIODS / FREQUENCY
+    largest = MU * GRAVITY / share
+    scene = _platform(
+        "shaker_stick_slip",
+        "a load slips and sticks on a platform shaken sideways at 4/3 mu g",
+        ACROSS,
+        *_sine(largest),
+        duration,
+    )
+    # it slips from sin(first) = share until the speeds agree, and sticks near 0.4 s and 0.65 s
+    first = asin(share)
+    last = brentq(lambda x: cos(first) - cos(x) - share * (x - first), first + 0.3, 2 * pi)
+    slip = (last - first) * cos(first) - (sin(last) - sin(first)) - share * (last - first) ** 2 / 2
+    slip *= largest / rate**2
+    value = Published(
+        "slip", "load", "distance", slip, 0.01 * slip, WESTERMO, 0.4, 0.65, other="platform"
+    )  # fmt: skip
+    return _published(scene, value)
+
+
+PULSE, PUSHED = 0.5, 0.3
+"""Acceleration of Newmark's base [g], and how long it acts [s]."""
+RESISTANCES = {0.2: 0.9, 0.3: 0.6}
+"""Friction of the load on that base [1] -> duration of the scene [s]: it sticks at V / (N g)."""
+
+
+@scene
+def newmark_blocks() -> tuple[Scenario, ...]:
+    """A pulse sets a base in motion; the load on it slides back until it is as fast."""
+    return tuple(_newmark(resistance, duration) for resistance, duration in RESISTANCES.items())
+
+
+def _newmark(resistance: float, duration: float) -> Scenario:
+    # a pulse that ends within a millisecond; the base stops after the end of the scene
+    a, edge = PULSE * GRAVITY, 1e-3
+    pushed = PUSHED - edge / 2
+    phases = ((pushed, a, a), (edge, a, 0.0), (duration, 0.0, 0.0), (edge, 0.0, -a), (pushed, -a, -a))
+    name = f"newmark_{resistance:g}".replace(".", "")
+    summary = f"a load slides back on a base that a pulse of {PULSE:g} g sets in motion, mu = {resistance:g}"
+    scene = _platform(name, summary, ACROSS, *_path(phases), duration, resistance)
+    slip = (a * PUSHED) ** 2 / (2 * GRAVITY * resistance) * (1 - resistance / PULSE)
+    value = Published(
+        "slip", "load", "distance", slip, 0.01 * slip, NEWMARK, 0.0, duration, other="platform"
+    )  # fmt: skip
+    return _published(scene, value)
+
+
+def _published(scene: Scenario, value: Published) -> Scenario:
+    """Scene that states a published value, with the tag of those."""
+    tags = tuple(dict.fromkeys((*scene.tags, "literature")))
+    return replace(scene, tags=tags, published=(value,))
 
 
 @scene
@@ -88,11 +157,18 @@ def shaker_along() -> Scenario:
 
 
 def _platform(
-    name: str, summary: str, direction: Array, times: Array, places: Array, duration: float
+    name: str,
+    summary: str,
+    direction: Array,
+    times: Array,
+    places: Array,
+    duration: float,
+    mu: float = MU,
 ) -> Scenario:
     """A load of 1 kg on a platform that moves by `places` (n,) [m] along a direction."""
     start = np.array((0.0, 0.0, -DECK[2]))
-    times, places = (np.append(x, last) for x, last in ((times, duration), (places, places[-1])))
+    end = max(duration, times[-1])
+    times, places = (np.append(x, last) for x, last in ((times, end), (places, places[-1])))
     keep = np.append(np.diff(times) > 0, True)
     times, places = times[keep], places[keep]
     path = Tracker(
@@ -113,7 +189,7 @@ def _platform(
             block("load", "wood", LOAD, MASS, (0.0, 0.0, LOAD[2])),
         ),
         trackers=(path,),
-        coefficients=(PairCoefficients("wood", "wood", 0.0, MU),),
+        coefficients=(PairCoefficients("wood", "wood", 0.0, mu),),
         duration=duration,
         truths=(Truth("load", "carried"),),
     )

@@ -3,6 +3,7 @@ start."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, radians, sin
 
 import numpy as np
@@ -11,16 +12,34 @@ from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.families.slide import HEADINGS
 from touchstone.scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth, Vector, vector
 from touchstone.scenarios.solids import ball, slab
+from touchstone.scenarios.truths.published import Published
 
 RADIUS = 0.05
 LANE = 1.0
 """Distance between the starts of neighbouring balls [m]: they fan out and never touch."""
 
+CORIOLIS = (
+    "Coriolis (1835), Théorie mathématique des effets du jeu de billard: a ball without spin rolls at "
+    "last at 5/7 of its speed"
+)
+
 
 @scene
 def slip() -> Scenario:
     """Three balls that start without spin: friction turns them until they roll."""
-    return rolling("slip", ("probe", "headings"), HEADINGS, mu=0.3, speed=2.0, spin=0.0, duration=1.0)
+    tags = ("probe", "headings", "literature")
+    plain = rolling("slip", tags, HEADINGS, mu=0.3, speed=2.0, spin=0.0, duration=1.0)
+    value = 5 / 7 * 2.0
+    return replace(
+        plain,
+        published=tuple(
+            Published(
+                f"{a:g}° speed", f"ball_{a:g}", "velocity", value, 0.01 * value, CORIOLIS, 1.0, 1.0, along
+            )
+            for a in HEADINGS
+            for along in [(cos(radians(a)), sin(radians(a)), 0.0)]
+        ),
+    )
 
 
 @scene

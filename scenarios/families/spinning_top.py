@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import radians
+from dataclasses import replace
+from math import cos, radians
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,6 +12,7 @@ from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.families.ellipsoid import on_floor, quaternion
 from touchstone.scenarios.scenario import Body, Box, Piece, Scenario, Sphere, Vector, vector
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
+from touchstone.scenarios.truths.published import Published
 
 HEAD: Vector = (0.05, 0.05, 0.01)
 """Half extents of the head [m]; its two level moments of inertia are equal."""
@@ -40,15 +42,20 @@ def top_precesses() -> Scenario:
     return on_floor("top_precesses", summary, body, 1.0, 2.0, ("curved", "conservative"))
 
 
-RADIUS, RISE = 0.05, 0.01
-"""Radius of the tippe top, and height of its centre above the centre of mass while it stands upright [m]."""
+RADIUS, RISE, LEAN = 0.05, 0.01, 0.1
+"""Radius of the tippe top, height of its centre above the centre of mass while it stands upright [m], and
+first tilt [rad]."""
+JELLETT = (
+    "Jellett (1872), Treatise on the Theory of Friction; Cohen (1977), Am. J. Phys. 45, 12: the angular "
+    "momentum along the arm from the contact to the centre of mass is kept, here over I R"
+)
 
 
 @scene
 def tippe_top() -> Scenario:
     """Sliding friction raises the centre of mass until the top stands on its head; Jellett's constant, the
     angular momentum along the arm from the contact to the centre of mass, is kept."""
-    turn = Rotation.from_rotvec((0.0, 0.1, 0.0))
+    turn = Rotation.from_rotvec((0.0, LEAN, 0.0))
     body = Body(
         "top",
         "simulated",
@@ -60,7 +67,12 @@ def tippe_top() -> Scenario:
         orientation=quaternion(turn),
         angular_velocity=(0.0, 0.0, 60.0),
     )
-    return on_floor("tippe_top", "a tippe top slides and turns over", body, 0.1, 3.0, ("curved",))
+    tags, ratio = ("curved", "literature"), RISE / RADIUS
+    plain = on_floor("tippe_top", "a tippe top slides and turns over", body, 0.1, 3.0, tags)
+    value = body.angular_velocity[2] * (1 - ratio * cos(LEAN))
+    along, along_body = (0.0, 0.0, 1.0), (0.0, 0.0, -ratio)
+    constant = Published("Jellett", "top", "spin", value, 0.01 * value, JELLETT, 3.0, 3.0, along, along_body)
+    return replace(plain, published=(constant,))
 
 
 def _arm(offset: float, radius: float, axis: np.ndarray) -> np.ndarray:

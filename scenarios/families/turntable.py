@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import ORIGIN, Body, Box, PairCoefficients, Piece, Scenario, Tracker, Truth
 from touchstone.scenarios.solids import ball
+from touchstone.scenarios.truths.published import Published
 
 RATE = 2.0
 """Angular velocity of the plate [rad/s]."""
@@ -16,6 +17,7 @@ START, RADIUS = 0.1, 0.05
 PLATE = (0.8, 0.8, 0.05)
 """Half extents of the plate [m]."""
 DURATION, KEYFRAMES = 6.0, 25
+WELTNER = "Weltner (1979), Am. J. Phys. 47, 984: a solid ball rolls in circles at 2/7 of the plate's rate"
 
 
 @scene
@@ -35,7 +37,7 @@ def turntable() -> Scenario:
     return Scenario(
         name="turntable",
         summary="a ball rolls on a turning plate; its centre circles at 2/7 of the plate's rate",
-        tags=("prescribed",),
+        tags=("prescribed", "literature"),
         bodies=(
             Body("plate", "prescribed", "wood", (Piece("plate", Box(PLATE)),)),
             ball(
@@ -52,4 +54,7 @@ def turntable() -> Scenario:
         coefficients=(PairCoefficients("wood", "wood", 0.0, 0.5),),
         duration=DURATION,
         truths=(Truth("ball", "turntable"),),
+        published=(
+            Published("rate", "ball", "turning", 2 / 7 * RATE, 0.01 * 2 / 7 * RATE, WELTNER, 0.0, DURATION),
+        ),
     )

@@ -38,7 +38,7 @@ FAR: Vector = (50.0, 50.0, 50.0)
 
 def bare(scenario: Scenario, **fields: object) -> Scenario:
     """Scene without truths and expectations, and with other `fields`."""
-    return replace(scenario, truths=(), forces=(), expectations=(), **fields)  # type: ignore[arg-type]
+    return replace(scenario, truths=(), forces=(), published=(), expectations=(), **fields)  # type: ignore[arg-type]
 
 
 def rotated(scenario: Scenario, turn: Rotation) -> Scenario:

@@ -1,18 +1,20 @@
-"""A prism that tips from edge to edge down a fixed slope, integrated to rounding.
+"""A prism that tips from edge to edge on a fixed slope, or rocks on a level one, integrated to rounding.
 
-Conventions: d points down the slope, n is its normal, k = n x d the axis of the prism; the body turns about k
-by the angle phi. Corners r_i are those of the prism's cross-section from the centre of mass, at phi = 0.
+Conventions: d points down the slope (where it is level, along its x axis), n is its normal, k = n x d the
+axis of the prism; the body turns about k by the angle phi. Corners r_i are those of the prism's cross-section
+from the centre of mass, at phi = 0.
 
 While it turns about the corner i, (I + m r_i^2) phi'' is the torque of gravity about it. Where the next
-corner j meets the slope (e = 0, no slip), the angular momentum about j is kept, and i lifts off: the rate is
-multiplied by (I + m r_i . r_j) / (I + m r_j^2).
+corner j, or the one before, meets the slope (e = 0, no slip), the angular momentum about j is kept, and i
+lifts off: the rate is multiplied by (I + m r_i . r_j) / (I + m r_j^2).
 
-Source: McGeer (1990), *Passive dynamic walking*, for the rimless wheel.
+Sources: McGeer (1990), *Passive dynamic walking*, for the rimless wheel; Housner (1963), *The behavior of
+inverted pendulum structures during earthquakes*, for the rocking block.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -29,7 +31,8 @@ RELATIVE_ERROR, ABSOLUTE_ERROR = 1e-12, 1e-14
 LONGEST_STEP = 1 / 240
 """Longest step of the integration [s]: its interpolant, of order 7, is then as exact as its ends."""
 LEVEL = 1e-9
-"""Height over the size of the prism below which a corner lies on the slope [1]: rounding of its pose."""
+"""Height over the size of the prism below which a corner lies on the slope, and slope below which it is level
+[1]: rounding of poses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +57,11 @@ class Slope:
     def of(cls, scenario: Scenario) -> Slope:
         """That of the scene's fixed box."""
         fixed = next(one for one in scenario.bodies if one.kind == "fixed")
-        n = Rotation.from_quat(fixed.orientation, scalar_first=True).apply((0.0, 0.0, 1.0))
-        down = np.array(scenario.acting_gravity)
-        down -= (n @ down) * n
+        level, n = Rotation.from_quat(fixed.orientation, scalar_first=True).as_matrix().T[[0, 2]]
+        gravity = np.array(scenario.acting_gravity)
+        down = gravity - (n @ gravity) * n
+        if np.linalg.norm(down) < LEVEL * np.linalg.norm(gravity):
+            down = level
         d = down / np.linalg.norm(down)
         return cls(d, n, np.cross(n, d))
 
@@ -81,33 +86,32 @@ def _phases(scenario: Scenario, body: Body) -> Iterator[Phase]:
     corners = np.roll(corners, -first, axis=0)
     time, state, pivot = 0.0, np.array([0.0, slope.k @ body.angular_velocity]), corners[0]
     while time < end:
-        here, after = corners[0], corners[1]
+        here = corners[0]
 
         def rate(_: float, y: Array, r: Array = here) -> Array:
             x, z = -_turned(r, y[0])
             return np.array([y[1], body.mass * (z * pull[0] - x * pull[1]) / (inertia + body.mass * r @ r)])
 
-        def lands(_: float, y: Array, edge: Array = after - here) -> float:
-            return float(_turned(edge, y[0])[1])
-
-        lands.terminal, lands.direction = True, -1.0  # type: ignore[attr-defined]
         run = solve_ivp(
             rate,
             (time, end),
             state,
             "DOP853",
-            events=lands,
+            events=[_landing(corners[side] - here) for side in (1, -1)],
             dense_output=True,
             max_step=LONGEST_STEP,
             rtol=RELATIVE_ERROR,
             atol=ABSOLUTE_ERROR,
         )
         assert run.sol is not None
+        assert run.t_events is not None
         yield Phase(time, here, pivot, run.sol)
         time, (phi, omega) = float(run.t[-1]), run.y[:, -1]
+        side = 1 if len(run.t_events[0]) else -1
+        after = corners[side]
         pivot = pivot + _turned(after - here, phi)
         kept = (inertia + body.mass * here @ after) / (inertia + body.mass * after @ after)
-        state, corners = np.array([phi, omega * kept]), np.roll(corners, -1, axis=0)
+        state, corners = np.array([phi, omega * kept]), np.roll(corners, -side, axis=0)
 
 
 def tipping(scenario: Scenario, body: Body, times: Array) -> Motion:
@@ -153,6 +157,16 @@ def _corners(body: Body, slope: Slope) -> Array:
     _, kept = np.unique(np.round(world / size), axis=0, return_index=True)
     found = world[kept]
     return np.asarray(found[np.argsort(np.arctan2(found[:, 1], found[:, 0]))])
+
+
+def _landing(edge: Array) -> Callable[[float, Array], float]:
+    """Event of `solve_ivp` that ends a phase where the other end of an edge comes down on the slope."""
+
+    def lands(_: float, y: Array) -> float:
+        return float(_turned(edge, y[0])[1])
+
+    lands.terminal, lands.direction = True, -1.0  # type: ignore[attr-defined]
+    return lands
 
 
 def _turned(r: Array, phi: Array | float) -> Array:

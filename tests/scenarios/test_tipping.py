@@ -111,3 +111,31 @@ def test_what_the_law_does_not_cover() -> None:
     ):
         with pytest.raises(ScenarioError, match=message):
             replace(SCENE, bodies=bodies)
+
+
+def test_a_block_rocks_by_quadrature() -> None:
+    """A block falls back in the time that its energy gives; the impact keeps 1 - 3/2 sin^2 of its rate, and
+    the block turns round where it has risen by the energy that is left."""
+    scene = catalogue()["rocking_block"]
+    block, (first, second, third) = scene.bodies[1], phases(scene, scene.bodies[1])[:3]
+    critical, reach = np.arctan(0.2), np.hypot(0.05, 0.25)
+    lean, scale = critical / 2, 3 * GRAVITY / (2 * reach)
+    assert first.start == 0
+    # the tilt is lean (1 - u^2), so that the pace is finite at u = 0
+    fallen = quad(
+        lambda u: (
+            2 * lean * u / np.sqrt(scale * (np.cos(critical - lean) - np.cos(critical - lean * (1 - u * u))))
+        ),
+        0,
+        1,
+        epsabs=1e-13,
+    )[0]
+    assert second.start == pytest.approx(fallen, rel=1e-9)
+    fast = np.sqrt(scale * (np.cos(critical - lean) - np.cos(critical)))
+    kept = 1 - 3 / 2 * np.sin(critical) ** 2
+    at = motion(scene, scene.truths[0], np.linspace(second.start, third.start - 1e-12, 4001))
+    assert abs(at.angular_velocity[0, 1]) == pytest.approx(kept * fast, rel=1e-9)
+    highest = np.arccos(np.cos(critical) + (kept * fast) ** 2 / scale)
+    tilt = Rotation.from_quat(at.orientation, scalar_first=True).magnitude().max()
+    assert tilt == pytest.approx(critical - highest, abs=1e-8)
+    assert block.inertia[1][1] == pytest.approx((0.05**2 + 0.25**2) / 3)

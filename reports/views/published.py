@@ -1,0 +1,59 @@
+"""The table of published values: what others published, and what the reference and each engine give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import isfinite
+
+import pandas as pd
+
+from touchstone.reports.results import rows_of
+from touchstone.reports.run.request import EVERY_ENGINE
+from touchstone.reports.views.tables import MARKS
+from touchstone.scenarios.scenario import Scenario
+
+METRIC = "published.error"
+TITLE = "Against published values"
+NOTE = "± published tolerance; each engine in its first profile; numbers in brackets: sources"
+
+
+def published_table(
+    frame: pd.DataFrame, scenarios: Iterable[Scenario]
+) -> tuple[list[str], list[list[str]], list[str]]:
+    """Heads, one line per published value of the scenes, and the sources; nothing where none was measured."""
+    rows = [row for row in rows_of(frame) if row.metric in (METRIC, "run") and row.engine != EVERY_ENGINE]
+    if not any(row.metric == METRIC and row.subject for row in rows):
+        return [], [], []
+    own: dict[str, str] = {}
+    for row in rows:
+        own.setdefault(row.engine, row.profile)
+    found = {
+        (row.scenario, row.engine, row.metric, row.subject): row
+        for row in rows
+        if row.profile == own[row.engine]
+    }
+    sources: dict[str, int] = {}
+    lines = []
+    for scenario in scenarios:
+        for one in scenario.published:
+            cells = []
+            for engine in own:
+                row = found.get((scenario.name, engine, METRIC, one.name))
+                if row is None or not isfinite(row.value):
+                    run = row or found.get((scenario.name, engine, "run", ""))
+                    cells.append(run.verdict if run and run.verdict else "-")
+                else:
+                    value = one.value + row.value * one.tolerance
+                    cells.append(digits(value, one.tolerance) + MARKS.get(row.verdict, ""))
+            number = sources.setdefault(one.source, len(sources) + 1)
+            value, tolerance = digits(one.value, one.tolerance), f"{one.tolerance:.2g}"
+            lines.append([scenario.name, f"{one.name} [{number}]", one.unit, value, tolerance, *cells])
+    heads = ["scene", "value", "unit", "published", "±", *own]
+    return heads, lines, [f"[{number}] {source}" for source, number in sources.items()]
+
+
+def digits(value: float, tolerance: float) -> str:
+    """A value to three digits, or to a tenth of its tolerance."""
+    if abs(value) < tolerance / 1e3:
+        return "0"
+    return f"{value:.{max(3, len(f'{abs(value) / tolerance:.0f}') + 1)}g}"

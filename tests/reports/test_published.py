@@ -1,0 +1,124 @@
+"""The metric of published values, and their table on the terminal, in the report and on the page."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+
+import pytest
+
+from touchstone.reports.metrics.context import NotMeasured
+from touchstone.reports.page.content import Content
+from touchstone.reports.page.page import page
+from touchstone.reports.results import Row, table
+from touchstone.reports.run.request import Request, Results
+from touchstone.reports.views.markdown import report
+from touchstone.reports.views.published import NOTE, TITLE, digits, published_table
+from touchstone.reports.views.terminal import FittingConsole, show_published
+from touchstone.scenarios.catalogue import catalogue
+
+SLIP = catalogue()["slip"]
+FIRST, SECOND, THIRD = SLIP.published
+
+
+def rows(*engines: str) -> list[Row]:
+    """Rows of `slip`: the reference is right, others are two tolerances fast; the first did not play."""
+    base = Row("run", SLIP.name, "", "", 1 / 60, "published.error", unit="1")
+    absent = replace(base, metric="run", engine="drake", profile="recommended", verdict="missing")
+    found = [absent]
+    for engine in engines:
+        error = 0.0 if engine == "reference" else 2.0
+        mine = replace(base, engine=engine, profile="balanced" if engine == "reference" else "recommended")
+        found += [
+            replace(mine, subject=one.name, value=error, verdict="fail" if error else "pass")
+            for one in (FIRST, SECOND)
+        ]
+        found.append(replace(mine, subject=THIRD.name, value=nan, verdict="skipped"))
+        found.append(replace(mine, profile="accurate", subject=FIRST.name, value=9.0))
+    return [replace(absent, engine="all", verdict=""), *found]
+
+
+def test_error_over_tolerance(recordings, known):
+    """What follows the truth has no error; a tolerance more is an error of 1; the remark has both values."""
+    right = known.ideal(recordings, SLIP)
+    found = known.value("published.error", right, SLIP)
+    assert list(found) == [one.name for one in SLIP.published]
+    assert all(abs(one.value) < 1e-9 for one in found.values())
+    assert found[FIRST.name].reason == "1.42857 of 1.42857 m/s"
+    velocity = right.linear_velocity.copy()
+    velocity[-1, SLIP.body_index(FIRST.body), 0] += FIRST.tolerance
+    faster = known.value("published.error", replace(right, linear_velocity=velocity), SLIP)
+    assert faster[FIRST.name].value == pytest.approx(1.0)
+    assert faster[SECOND.name].value == found[SECOND.name].value
+
+
+def test_error_relative_to_another_body(recordings, known):
+    """A load that stays while its platform moves has slipped by the way of the platform."""
+    scene = catalogue()["platform_stick"]
+    still = recordings.recording(replace(scene, truths=()))
+    moved = still.position.copy()
+    moved[-1, scene.body_index("platform"), 0] += 3 * scene.published[0].tolerance
+    found = known.value("published.error", replace(still, position=moved), scene)
+    assert found["slip"].value == pytest.approx(3.0)
+
+
+def test_what_is_not_measured(recordings, known):
+    """Scenes without published values, and runs that ended early, have a reason."""
+    with pytest.raises(NotMeasured, match="states no published value"):
+        known.value("published.error", known.ideal(recordings, catalogue()["fall"]), catalogue()["fall"])
+    short = recordings.recording(replace(SLIP, duration=0.5, truths=(), published=()))
+    with pytest.raises(NotMeasured, match="the end was not played"):
+        known.value("published.error", short, SLIP)
+
+
+def test_the_table():
+    """A line per value with its source's number; a column per engine, in its first profile, with marks."""
+    heads, lines, sources = published_table(table(rows("reference", "dart")), [catalogue()["fall"], SLIP])
+    assert heads == ["scene", "value", "unit", "published", "±", "drake", "reference", "dart"]
+    assert lines[0] == ["slip", "0° speed [1]", "m/s", "1.429", "0.014", "missing", "1.429", "1.457 ✗"]
+    assert [line[-1] for line in lines] == ["1.457 ✗", "1.457 ✗", "skipped"]
+    assert sources == [f"[1] {FIRST.source}"]
+
+
+def test_nothing_where_nothing_was_measured():
+    """Runs of other metrics, and of scenes without published values, have no table."""
+    assert published_table(table(rows()), [SLIP]) == ([], [], [])
+    assert published_table(table(rows("dart")), [catalogue()["fall"]])[1] == []
+    text = io.StringIO()
+    show_published(table(rows()), [SLIP], FittingConsole(file=text, width=112))
+    assert text.getvalue() == ""
+
+
+def test_terminal_report_and_page():
+    """All three have the table, the note and the sources in full."""
+    text, frame = io.StringIO(), table(rows("reference", "dart"))
+    show_published(frame, [SLIP], FittingConsole(file=text, width=112))
+    request = Request((SLIP,), (("reference", "balanced"), ("dart", "recommended")), Path("runs/one"))
+    markdown = report(request, Results(frame))
+    heads, lines, sources = published_table(frame, [SLIP])
+    html = page(Content("t", "good", "v", frame, published=([heads, *lines], [NOTE, *sources])))
+    for shown in (text.getvalue(), markdown, html):
+        assert TITLE in shown
+        assert "1.457 ✗" in shown
+        assert " ".join(FIRST.source.split()) in " ".join(shown.split())
+    assert f"## {TITLE}" in markdown
+    assert 'id="published"' in html
+    assert 'id="published"' not in page(Content("t", "good", "v", frame))
+
+
+@pytest.mark.parametrize(
+    ("value", "tolerance", "text"),
+    [
+        (0.33109, 0.0033, "0.3311"),
+        (0.0, 1e-5, "0"),
+        (1.7e-15, 1e-5, "0"),
+        (4.77e-5, 1e-5, "4.77e-05"),
+        (19.797, 0.2, "19.8"),
+        (5.1991, 0.052, "5.199"),
+    ],
+)
+def test_digits(value, tolerance, text):
+    """Three digits, or as many as show a tenth of the tolerance; rounding is 0."""
+    assert digits(value, tolerance) == text
