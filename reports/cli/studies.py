@@ -345,6 +345,23 @@ def relations(
     return StudyRequest(len(module.tasks(columns, scenes)), partial(module.run, columns, scenes), module.show)
 
 
+@studied("gradients")
+def gradients(
+    engine: EngineOption = None,
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(help="Profiles (default: balanced, recommended, the reference's accurate)."),
+    ] = None,
+) -> StudyRequest:
+    """Take derivatives of end states by central differences, and compare them with closed forms."""
+    from touchstone.reports.studies import gradients as module
+
+    columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    if not profile and module.JUDGED[0] in dict(columns):
+        columns = (columns[0], module.JUDGED[:2], *columns[1:])
+    return StudyRequest(len(module.tasks(columns)), partial(module.run, columns), module.show)
+
+
 @studied("tosses", group=reality)
 def tosses(
     folder: Annotated[Path, typer.Argument(help="Folder of tosses.npz, or of a CSV file per toss.")],
