@@ -61,7 +61,7 @@ from touchstone.reports.cli.scenes.importing import import_robot
 from touchstone.reports.cli.scenes.reproducing import reproduce
 from touchstone.reports.cli.scenes.schema import schema
 from touchstone.reports.cli.soak import soak
-from touchstone.reports.cli.studies import bench, study
+from touchstone.reports.cli.studies import bench, reality, study
 from touchstone.reports.cli.sweep import sweep
 
 if TYPE_CHECKING:
@@ -78,6 +78,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(study, name="study")
+app.add_typer(reality, name="reality")
 app.add_typer(failings, name="failings")
 app.command()(bench)
 app.command()(soak)

@@ -64,12 +64,14 @@ class StudyRequest:
 
 
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
+reality = typer.Typer(help="Measured motion, played by every engine.", no_args_is_help=True)
 
 
 def studied(
-    name: str, judge: bool = False
+    name: str, judge: bool = False, group: typer.Typer = study
 ) -> Callable[[Callable[..., StudyRequest]], Callable[..., StudyRequest]]:
-    """Register a function of a study's own options as `touchstone study NAME`; it returns what they ask for.
+    """Register a function of a study's own options as `touchstone study NAME`, or in another group; it
+    returns what they ask for.
 
     All studies have the options --out, --format, --yes and --quiet, measure with progress, and exit with the
     code of their verdicts. With `judge`, the libraries that judge measurements are needed.
@@ -107,7 +109,7 @@ def studied(
             parameters=parameters, return_annotation=None
         )
         command.__doc__ = asked_for.__doc__
-        study.command(name)(command)
+        group.command(name)(command)
         return asked_for
 
     return register
@@ -358,6 +360,43 @@ def relations(
     scenes = scenes or module.default_scenes()
     columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
     return StudyRequest(len(module.tasks(columns, scenes)), partial(module.run, columns, scenes), module.show)
+
+
+@studied("gradients")
+def gradients(
+    engine: EngineOption = None,
+    profile: Annotated[
+        list[str] | None,
+        typer.Option(help="Profiles (default: balanced, recommended, the reference's accurate)."),
+    ] = None,
+) -> StudyRequest:
+    """Take derivatives of end states by central differences, and compare them with closed forms."""
+    from touchstone.reports.studies import gradients as module
+
+    columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    if not profile and module.JUDGED[0] in dict(columns):
+        columns = (columns[0], module.JUDGED[:2], *columns[1:])
+    return StudyRequest(len(module.tasks(columns)), partial(module.run, columns), module.show)
+
+
+@studied("tosses", group=reality)
+def tosses(
+    folder: Annotated[Path, typer.Argument(help="Folder of tosses.npz, or of a CSV file per toss.")],
+    most: Annotated[int, typer.Option("--tosses", min=2, help="Play at most so many, evenly chosen.")] = 100,
+    engine: EngineOption = None,
+    profile: Annotated[
+        list[str] | None, typer.Option(help="Profiles (default: balanced, recommended).")
+    ] = None,
+) -> StudyRequest:
+    """Play measured tosses of a box from their start: errors over time, identified e and mu, the floor."""
+    from touchstone.reports.studies.tosses import study as module
+    from touchstone.reports.studies.tosses.measured import read
+
+    columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    box, found = read(folder)
+    chosen = [found[k * len(found) // min(most, len(found))] for k in range(min(most, len(found)))]
+    run = partial(module.run, columns, box, chosen)
+    return StudyRequest(len(module.tasks(columns)) + 1, run, module.show)
 
 
 def bench(

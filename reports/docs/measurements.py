@@ -21,6 +21,7 @@ SHOWN_BY = {
     "run": "touchstone.reports.views.terminal",
     "import": "touchstone.reports.studies.robots",
     "ik": "touchstone.reports.studies.inverse_kinematics",
+    "reality tosses": "touchstone.reports.studies.tosses",
 }
 """Modules whose `show` prints a study's table, where they are not `reports/studies/NAME`."""
 
@@ -57,7 +58,8 @@ def page_of(folder: Path) -> tuple[str, str, dict[str, Path]]:
 
 
 def _command(study: str) -> str:
-    return study if study in ("run", "import") or study.startswith("bench ") else f"study {study}"
+    whole = study in ("run", "import") or study.startswith(("bench ", "reality "))
+    return study if whole else f"study {study}"
 
 
 def _origin(facts: dict) -> str:

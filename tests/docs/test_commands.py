@@ -122,6 +122,7 @@ def home(tmp_path_factory) -> Path:
         (folder / target).write_text(block[1], "utf-8")
     shutil.copy(ROOT / "docs" / "toy_engine.py", folder)
     shutil.copy(ROOT / "tests" / "reports" / "studies" / "detector_reports.json", folder)
+    shutil.copytree(ROOT / "tests" / "reports" / "studies" / "tosses", folder / "tosses")
     for name in ("a", "b"):
         code, text = call(folder, ["run", "slip", "--out", f"runs/{name}"])
         assert code == 0, text

@@ -1,0 +1,216 @@
+"""The study `reality tosses`: every engine plays measured tosses from their fitted start.
+
+Half of the tosses identify e and mu of each engine, the other half judges it. Beside the engines stand the
+noise of tracking, what an engine makes of the error of the fitted start, and the floor: what the reference
+leaves if each toss may choose its own e and mu.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import ceil, nan
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+from rich.console import Console
+
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.registry import ENGINES, installed
+from touchstone.reports.cli.progress import Progress
+from touchstone.reports.output_folder import output_folder
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.studies.study import (
+    Column,
+    RefusedError,
+    kept,
+    missing_rows,
+    print_failures,
+    with_interval,
+)
+from touchstone.reports.studies.tasks import Ended, played
+from touchstone.reports.studies.tosses.flight import drawn, first_impact, flights
+from touchstone.reports.studies.tosses.measured import Box, Toss
+from touchstone.reports.studies.tosses.picture import OWN, errors_picture
+from touchstone.reports.studies.tosses.playing import (
+    NEAR_FRICTIONS,
+    NEAR_RESTITUTIONS,
+    ROUNDING,
+    Errors,
+    Flown,
+    Identification,
+    Identified,
+    Motion,
+    Table,
+    play,
+)
+from touchstone.reports.views.tables import number
+from touchstone.reports.views.terminal import print_notes, table_of
+
+STUDY, TOSSES = "reality tosses", "tosses"
+POSITION, ROTATION, IMPACT = f"{TOSSES}.position", f"{TOSSES}.rotation", f"{TOSSES}.impact"
+FACE, CORNERS = f"{TOSSES}.face", f"{TOSSES}.corners"
+REFERENCE: Column = ("reference", "balanced")
+"""Column whose floor is measured."""
+FLOOR, TRACKING = "floor", "tracking"
+"""Names, beside the engines, of the floor and of what is measured."""
+BEFORE, GRID = 0.05, 0.01
+"""Time before the first impact from which errors are reported, and their steps [s]."""
+AFTER_REST = 0.1
+"""Time for which a toss at rest is compared [s]."""
+CELLS = (1 + len(NEAR_RESTITUTIONS)) * len(NEAR_FRICTIONS)
+DEGREES = 180 / np.pi
+SHOWN = 0.1
+"""Time after the first impact whose errors the table shows [s]."""
+
+
+def tasks(columns: Sequence[Column]) -> list[Column]:
+    """The columns of installed engines."""
+    return [column for column in columns if installed(column[0])]
+
+
+def run(
+    columns: Sequence[Column], box: Box, tosses: Sequence[Toss], out: Path, progress: Progress
+) -> pd.DataFrame:
+    """Identify and judge all engines; the folder appears complete or not at all."""
+    table, flown, rows = prepared(box, tosses)
+    training, judged = flown[::2], flown[1::2]
+    if not judged:
+        raise RefusedError(f"{len(flown)} tosses with a flight and an impact, expected 2 or more")
+    asked = [
+        Identification(one[0], settings(one, table.rate), table, training, judged, floor=one == REFERENCE)
+        for one in tasks(columns)
+    ]
+    with output_folder(out) as folder:
+        found = played(play, asked, folder / "output", progress)
+        for task, one in zip(asked, found):
+            rows += rows_of_task(task, one)
+        facts = {
+            "study": STUDY,
+            "tosses": [toss.name for toss in tosses],
+            "body": {"half_extents": box.half_extents, "mass": box.mass, "inertia": box.inertia},
+            "table height [m]": table.floor,
+        }
+        return kept([*missing_rows(STUDY, columns), *rows], folder, facts, {"tosses.png": errors_picture})
+
+
+def prepared(box: Box, tosses: Sequence[Toss], seed: int = 0) -> tuple[Table, list[Flown], list[Row]]:
+    """What all plays share, the tosses from their flight on, and rows of what tracking shows: its noise, as
+    the length of a vector, and tosses without an impact."""
+    found, noise = flights(box, tosses)
+    base = Row(STUDY, TOSSES, TRACKING, "", nan, "run")
+    rng, flown, rows = np.random.default_rng(seed), [], []
+    for toss, flight in zip(tosses, found):
+        end = int(np.searchsorted(toss.time, toss.time[toss.rest - 1] + AFTER_REST))
+        part = slice(flight.first, end)
+        time = toss.time[part] - toss.time[flight.first]
+        tracked = Motion(time, toss.position[part], toss.orientation[part])
+        impact = first_impact(time, tracked.position[:, 2], flight.start, noise[0])
+        if impact == impact:
+            flown.append(Flown(flight.start, drawn(box, flight, noise, rng), tracked, impact))
+        else:
+            reason = f"toss {toss.name}: its height shows no impact"
+            rows.append(replace(base, verdict="skipped", reason=reason))
+    for metric, value, unit in ((POSITION, noise[0] / box.width, "1"), (ROTATION, noise[1], "rad")):
+        rows.append(replace(base, metric=metric, value=float(np.sqrt(3) * value), unit=unit))
+    halves = [np.abs(toss.orientation[-1].as_matrix()[2]) @ box.half_extents for toss in tosses]
+    floor = float(np.median([toss.position[-1, 2] - half for toss, half in zip(tosses, halves)]))
+    rate = max(round(1 / float(np.median(np.diff(toss.time)))) for toss in tosses)
+    return Table(box, floor, float(noise[0]), rate), flown, rows
+
+
+def settings(column: Column, rate: int) -> Settings:
+    """Settings of a column at the largest step that divides a frame and is no larger than its own."""
+    engine, profile = column
+    own = ENGINES[engine].profiles[profile]
+    return Settings(profile, 1 / rate / ceil(1 / rate / own - ROUNDING))
+
+
+def rows_of_task(task: Identification, found: Identified | Ended) -> list[Row]:
+    """Rows of an engine, of its plays from the drawn starts, and of the floor."""
+    base = Row(STUDY, TOSSES, task.engine, task.settings.profile, task.settings.dt, "run")
+    if isinstance(found, Ended):
+        return [replace(base, verdict=found.status, reason=found.reason)]
+    width = task.table.box.width
+    numbers = (("e", found.cell[0]), ("mu", found.cell[1]), ("training", found.distance / width))
+    rows = [replace(base, metric=f"{TOSSES}.{name}", value=value, unit="1") for name, value in numbers]
+    rows += error_rows(base, found.errors, width)
+    rows += error_rows(replace(base, profile=base.profile + OWN), found.drawn, width)
+    return rows + (
+        error_rows(replace(base, engine=FLOOR, profile=""), found.floor, width) if found.floor else []
+    )
+
+
+def error_rows(base: Row, several: Sequence[Errors], width: float) -> list[Row]:
+    """Median and quartiles over tosses of each error: over time, of the rest pose, of the impact; the mean of
+    the corners' distance; positions over the box' width."""
+    grid = np.arange(round(-BEFORE / GRID), round(max(one.time[-1] for one in several) / GRID) + 1) * GRID
+    rows = []
+    for metric, unit, size, values in (
+        (POSITION, "1", width, [one.position for one in several]),
+        (ROTATION, "rad", 1.0, [one.rotation for one in several]),
+    ):
+        over = [np.interp(grid, one.time, value, left=nan) / size for one, value in zip(several, values)]
+        row = replace(base, metric=metric, unit=unit)
+        rows += [
+            with_interval(replace(row, subject=f"{t:.2f} s"), _quartiles(column))
+            for t, column in zip(grid, np.transpose(over))
+        ]
+        rest = replace(row, metric=f"{metric}.rest")
+        rows.append(with_interval(rest, _quartiles([value[-1] / size for value in values])))
+    rows.append(
+        with_interval(replace(base, metric=IMPACT, unit="s"), _quartiles([one.delay for one in several]))
+    )
+    for metric, value in (
+        (FACE, np.mean([one.same_face for one in several])),
+        (CORNERS, np.mean([one.corners for one in several]) / width),
+    ):
+        rows.append(replace(base, metric=metric, unit="1", value=float(value)))
+    return rows
+
+
+def _quartiles(values: ArrayLike) -> tuple[float, float, float]:
+    """Median and quartiles of the finite values."""
+    low, middle, high = np.nanquantile(values, (0.25, 0.5, 0.75)).tolist()
+    return middle, low, high
+
+
+HEADS = ("", "e", "mu", "fit", "judged", "0.1 s", "[deg]", "rest", "[deg]", "start", "face", "impact [ms]")
+NOTES = (
+    "e, mu: identified on one half of the tosses. fit, judged: mean distance of the corners after the first",
+    "impact, there and on the other half. Medians over that half: error of position and rotation 0.1 s after",
+    "the impact and at rest; start: distance at rest of a play from another start that fits the flight as",
+    "well; delay of the impact. face: share of tosses that rest on the right face. Lengths are in widths.",
+    f"floor: the reference, for each toss with the best of {CELLS} e and mu. tracking: noise in free flight.",
+)
+
+
+def show(frame: pd.DataFrame, out: Console) -> None:
+    """Print a line per engine, the floor and the noise."""
+    table = table_of("measured tosses", HEADS, padding=(0, 1, 0, 0))
+    values = {(row.engine, row.profile, row.metric, row.subject): row.value for row in rows_of(frame)}
+    columns = dict.fromkeys(
+        (engine, profile) for engine, profile, _, _ in values if not profile.endswith(OWN)
+    )
+
+    for column in columns:
+        at = f"{SHOWN:.2f} s" if column[0] != TRACKING else ""
+        drawn = (column[0], column[1] + OWN)
+        wanted = (
+            *((column, f"{TOSSES}.{name}", "", 1) for name in ("e", "mu", "training", "corners")),
+            (column, POSITION, at, 1),
+            (column, ROTATION, at, DEGREES),
+            (column, f"{POSITION}.rest", "", 1),
+            (column, f"{ROTATION}.rest", "", DEGREES),
+            (drawn, f"{POSITION}.rest", "", 1),
+            (column, FACE, "", 1),
+            (column, IMPACT, "", 1e3),
+        )
+        found = [factor * values.get((*key, metric, at), nan) for key, metric, at, factor in wanted]
+        if not np.isnan(found).all():
+            table.add_row(" ".join(column), *("" if one != one else number(one) for one in found))
+    out.print(table)
+    print_notes(NOTES, out)
+    print_failures(frame, out)
