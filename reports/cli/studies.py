@@ -178,17 +178,17 @@ def calibration(
     )
 
 
-@studied("agreement")
+@studied("agreement", judge=True)
 def agreement(
     scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes with a closed form (default: one or two per family).")
+        list[str] | None, typer.Argument(help="Scenes (default: one or two per family, and push_box).")
     ] = None,
 ) -> StudyRequest:
-    """Play scenes at ever smaller steps: errors of step and of model, and the outlier."""
+    """Play scenes at ever smaller steps: errors of step and of model, the outlier, bands without a truth."""
     from touchstone.reports.studies import agreement as module
 
     chosen = scenes_named(scenario or module.SCENES)
-    return StudyRequest(len(module.tasks(chosen)), partial(module.run, chosen), module.show)
+    return StudyRequest(module.steps(chosen), partial(module.run, chosen), module.show)
 
 
 @studied("convergence")
