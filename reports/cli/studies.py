@@ -314,8 +314,6 @@ def stability(
 
     names = [known("family", name, families()) for name in family or ()]
     columns = columns_for(engine or [], profile or [], play.QUICK if quick else play.PROFILES)
-    if quick and not profile and ("reference", "balanced") in columns:
-        columns = (columns[0], ("reference", "accurate"), *columns[1:])
     scope = play.Scope(columns, play.chosen(names), quick)
     run = partial(module.run, scope, store, jobs=jobs, sheet=sheet, seed=seed)
     return StudyRequest(len(scope.cells()) + sheet, run, module.show, store)
