@@ -44,7 +44,8 @@ Progress = Callable[[str, int], None]
 class Job:
     """One engine, one setting and one scene, with the paths of the recording and of the child's output.
 
-    Play ends early once the steps took more than `budget` seconds.
+    Play ends early once the steps took more than `budget` seconds. Without `reading` the recording has the
+    times of the frames, and the start in place of their states.
     """
 
     engine: str
@@ -53,6 +54,7 @@ class Job:
     recording: Path
     output: Path
     budget: float = inf
+    reading: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +228,7 @@ class _Run:
                 warm_up(engine, job.scenario, job.settings)
             case "start":
                 self._player = ready(engine, job.scenario, job.settings)
+                self._player.reading = job.reading
             case "play":
                 if self._player.seconds_played < job.budget:
                     try:

@@ -75,7 +75,8 @@ def played(
 ) -> Mapping[Key, Take]:
     """Play all scenes `restarts` times; contestants, scenes and settings in an order that the seed draws.
 
-    Recordings of the first restart stay in `folder`/recordings.
+    The first restart plays each column once more before, for its recording, which stays in
+    `folder`/recordings: times are those of plays that read no state.
     """
     rng = np.random.default_rng(seed)
     takes: dict[Key, Take] = {}
@@ -109,18 +110,20 @@ def _play(
         take.ended = (MISSING, missing_reason(take.engine))
         return
     name = "-".join(key).replace(", ", "+")
-    path = folder / "recordings" / (f"{name}.npz" if take.first is None else "again.npz")
-    job = Job(take.engine, scenario, take.settings, path, folder / "output" / f"{name}.txt", BUDGET)
-    (outcome,) = children.play([job], lambda label, count: progress(label, 0))
-    if outcome.status != "done":
-        take.ended = (outcome.status, outcome.reason)
-        return
-    recording = load(path)
-    if take.first is None:
-        take.first = recording
-    else:
-        path.unlink()
-    take.times.append(recording.time_frame)
+    for reading in (True, False) if take.first is None else (False,):
+        path = folder / "recordings" / f"{name if reading else 'times'}.npz"
+        output = folder / "output" / f"{name}.txt"
+        job = Job(take.engine, scenario, take.settings, path, output, BUDGET, reading)
+        (outcome,) = children.play([job], lambda label, count: progress(label, 0))
+        if outcome.status != "done":
+            take.ended = (outcome.status, outcome.reason)
+            return
+        recording = load(path)
+        if reading:
+            take.first = recording
+        else:
+            path.unlink()
+            take.times.append(recording.time_frame)
 
 
 def _slow(key: Key, takes: Mapping[Key, Take]) -> bool:

@@ -53,8 +53,8 @@ def docs(
         if (folder / "pictures" / f"{scene.name}.png").is_file()
     }
     texts = {"commands.md": commands_page(context.find_root().command), **list_pages(drawn)}
-    for name, text, pictures in pages:
-        texts[name] = text
+    for given, (name, text, pictures) in zip(results or (), pages):
+        texts[name] = text + (_stored(given, folder / "bench-frame") if name == "bench-frame.md" else "")
         for target, source in pictures.items():
             write_beside(folder / "pictures" / target, partial(shutil.copy, source))
     (out / "settings").mkdir(exist_ok=True)
@@ -62,6 +62,16 @@ def docs(
     for name, text in texts.items():
         write_beside(folder / name, partial(_write, text))
         print(out / name.removeprefix("../") if name.startswith("..") else folder / name)
+
+
+def _stored(run: Path, folder: Path) -> str:
+    """Keep the intervals of a run of `bench frame`; what the stored runs of two days share, as a section."""
+    from touchstone.reports.bench.repeatability import store, stored_lines
+    from touchstone.reports.compare.stored import table_of
+    from touchstone.scenarios.files.safe_paths import json_of
+
+    store(table_of(run), json_of(run / "manifest.json"), folder)
+    return "\n".join(["", "## Two days", "", *stored_lines(folder), ""])
 
 
 def _write(text: str, path: Path) -> None:

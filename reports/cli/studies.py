@@ -180,17 +180,17 @@ def calibration(
     )
 
 
-@studied("agreement")
+@studied("agreement", judge=True)
 def agreement(
     scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes with a closed form (default: one or two per family).")
+        list[str] | None, typer.Argument(help="Scenes (default: one or two per family, and push_box).")
     ] = None,
 ) -> StudyRequest:
-    """Play scenes at ever smaller steps: errors of step and of model, and the outlier."""
+    """Play scenes at ever smaller steps: errors of step and of model, the outlier, bands without a truth."""
     from touchstone.reports.studies import agreement as module
 
     chosen = scenes_named(scenario or module.SCENES)
-    return StudyRequest(len(module.tasks(chosen)), partial(module.run, chosen), module.show)
+    return StudyRequest(module.steps(chosen), partial(module.run, chosen), module.show)
 
 
 @studied("convergence")
@@ -333,8 +333,6 @@ def stability(
 
     names = [known("family", name, families()) for name in family or ()]
     columns = columns_for(engine or [], profile or [], play.QUICK if quick else play.PROFILES)
-    if quick and not profile and ("reference", "balanced") in columns:
-        columns = (columns[0], ("reference", "accurate"), *columns[1:])
     scope = play.Scope(columns, play.chosen(names), quick)
     run = partial(module.run, scope, store, jobs=jobs, sheet=sheet, seed=seed)
     return StudyRequest(len(scope.cells()) + sheet, run, module.show, store)

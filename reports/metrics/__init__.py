@@ -5,7 +5,16 @@ from __future__ import annotations
 from touchstone.reports.metrics import posture, posture_optimum, solver, state, timing
 from touchstone.reports.metrics.contacts import contact, forces, friction, overlap, rest, sliding
 from touchstone.reports.metrics.context import Metric
-from touchstone.reports.metrics.motion import energy, events, flight, momentum, published, symmetry, truth
+from touchstone.reports.metrics.motion import (
+    energy,
+    events,
+    flight,
+    impact,
+    momentum,
+    published,
+    symmetry,
+    truth,
+)
 
 _MM, _MS, _US = ("mm", 1e3), ("ms", 1e3), ("us", 1e6)
 
@@ -58,6 +67,7 @@ _ALL = (
     Metric("momentum.linear", "1", "lower", momentum.momentum_linear),
     Metric("momentum.angular", "1", "lower", momentum.momentum_angular),
     Metric("momentum.withheld", "1", "lower", momentum.momentum_withheld),
+    Metric("impact.law", "1", "none", impact.impact_law),
     Metric("energy.gain", "1", "lower", energy.energy_gain),
     Metric("energy.loss", "1", "lower", energy.energy_loss),
     Metric("energy.injected", "J", "lower", energy.energy_injected, ("mJ", 1e3)),

@@ -51,6 +51,7 @@ LABELS = {
     "momentum.linear": "change of linear momentum",
     "momentum.angular": "change of angular momentum",
     "momentum.withheld": "withheld momentum",
+    "impact.law": "distance from a law of impact",
     "energy.gain": "gain of energy",
     "energy.loss": "loss of energy",
     "energy.injected": "injected energy",

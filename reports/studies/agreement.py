@@ -4,6 +4,9 @@ Every engine plays a scene at its own step and at a ladder of halved steps. The 
 change of its result below its own step. The *model* error is the error of the ladder's limit (Richardson's,
 where there is an order: the slope of the change from rung to rung). Errors are the largest over frames and
 bodies: of positions over the longest path of any body, of orientations in radians.
+
+Where a scene has no closed form, its truth is the band of the codes that converge to one motion
+(`work_precision/bands.py`). The error of an engine at its own step is its distance from the band.
 """
 
 from __future__ import annotations
@@ -11,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +24,7 @@ from rich.text import Text
 from scipy.spatial.transform import Rotation
 from scipy.stats import linregress, t
 
-from touchstone.adapters.contract import Array, Engine
+from touchstone.adapters.contract import DRIVES, Array, Engine
 from touchstone.adapters.registry import ENGINES, installed
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.context import Context
@@ -29,7 +32,25 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.request import step_text
 from touchstone.reports.studies.study import RefusedError, kept, missing_rows, print_failures
-from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, own_step, played
+from touchstone.reports.studies.tasks import (
+    PROCESSES,
+    Ended,
+    Task,
+    own_profile,
+    own_settings,
+    own_step,
+    played,
+)
+from touchstone.reports.studies.work_precision.definitions import (
+    FINER,
+    REFERENCE,
+    TRUTH_PROFILE,
+    truth_cells,
+)
+from touchstone.reports.studies.work_precision.errors import errors_of
+from touchstone.reports.studies.work_precision.points import SweptRuns
+from touchstone.reports.sweep.cells import Cell, grid
+from touchstone.reports.sweep.sweep import sweep
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.tables import number
 from touchstone.reports.views.terminal import print_notes, table_of
@@ -51,9 +72,9 @@ UNITS = {"position": "1", "orientation": "rad"}
 """Quantities and their units."""
 SCENES = (
     *("fall", "tumble_stable", "tumble_unstable", "spring", "bounce_e05", "collide_sticks", "cradle"),
-    *("roll", "slip", "slide", "incline_slides"),
+    *("roll", "slip", "slide", "incline_slides", "push_box"),
 )
-"""Default scenes: one or two of each family with a closed form."""
+"""Default scenes: one or two of each family with a closed form, and one whose truth is a band."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +124,8 @@ def trajectory(engine: Engine, task: Task) -> tuple[Trajectory, Trajectory]:
 
 
 def tasks(scenarios: Sequence[Scenario], folder: Path = Path()) -> list[Task]:
-    """Every scene on every installed engine: at the engine's own step, then at those of the ladder."""
+    """Every scene with a closed form on every installed engine: at the engine's own step, then at those of
+    the ladder."""
     return [
         Task(
             scenario,
@@ -113,6 +135,7 @@ def tasks(scenarios: Sequence[Scenario], folder: Path = Path()) -> list[Task]:
             folder / f"{scenario.name}-{engine}-{round(1 / dt)}.npz",
         )
         for scenario in scenarios
+        if scenario.truths
         for rung in (None, *LADDER)
         for engine in ENGINES
         if installed(engine) and rung != own_step(engine)
@@ -122,15 +145,17 @@ def tasks(scenarios: Sequence[Scenario], folder: Path = Path()) -> list[Task]:
 
 def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.DataFrame:
     """Play all steps, judge and store; the folder appears complete or not at all."""
-    require_truths(scenarios)
     with output_folder(out) as folder:
         (folder / "recordings").mkdir()
         asked = tasks(scenarios, folder / "recordings")
-        found = played(trajectory, asked, folder / "output", progress)
+        found = played(trajectory, asked, folder / "output", progress) if asked else []
         rows: list[Row] = []
         for scenario in scenarios:
             mine = [(task, one) for task, one in zip(asked, found) if task.scenario is scenario]
-            rows += [judged(row, scenario.tags) for row in rows_of_scene(scenario, mine)]
+            some = (
+                rows_of_scene(scenario, mine) if scenario.truths else _band_rows(scenario, folder, progress)
+            )
+            rows += [judged(row, scenario.tags) for row in some]
         facts = {
             "study": STUDY,
             "steps": LADDER,
@@ -138,6 +163,59 @@ def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.Data
             "own_steps": {engine: own_step(engine) for engine in ENGINES},
         }
         return kept(rows, folder, facts)
+
+
+def band_cells(scenario: Scenario) -> list[Cell]:
+    """Converged solutions of a scene without a closed form, and every installed engine at its own step."""
+    return [*_truth_cells(scenario), *own_cells(scenario)]
+
+
+def _truth_cells(scenario: Scenario) -> list[Cell]:
+    return truth_cells(scenario.name, drive=_drive(scenario))
+
+
+def own_cells(scenario: Scenario) -> list[Cell]:
+    """A scene on every installed engine in its own profile, at its step."""
+    columns = [(engine, own_profile(engine)) for engine in ENGINES if installed(engine)]
+    cells, drive = grid([scenario.name], columns), _drive(scenario)
+    return [one if one.engine == REFERENCE else replace(one, options=(f"drive={drive}",)) for one in cells]
+
+
+def _drive(scenario: Scenario) -> str:
+    """Kinematic links where they drive simulated bodies, as in the reference: contacts are compared."""
+    return "posed" if any(body.kind == "simulated" for body in scenario.bodies) else DRIVES[0]
+
+
+def steps(scenarios: Sequence[Scenario]) -> int:
+    """Number of plays."""
+    return len(tasks(scenarios)) + sum(len(band_cells(s)) for s in scenarios if not s.truths)
+
+
+def _band_rows(scenario: Scenario, folder: Path, progress: Progress) -> list[Row]:
+    """Rows of a scene without a closed form: the band, and per engine its distance from it at its finest
+    and at its own step, and what half the step changes."""
+    cells = band_cells(scenario)
+    swept = SweptRuns(sweep(cells, folder / "cells", progress=progress, jobs=PROCESSES, series=True))
+    rows = missing_rows(STUDY, [(engine, own_profile(engine)) for engine in ENGINES], scenario.name)
+    truth = swept.truth(scenario, _truth_cells(scenario))
+    band = truth.band if truth else None
+    if truth is None or band is None:
+        return rows
+    base = Row(STUDY, scenario.name, "all", TRUTH_PROFILE, FINER, "agreement.band", unit="m")
+    rows.append(replace(base, value=band.width if band.codes else nan, reason=band.words))
+    for engine, change in band.change.items():
+        mine = replace(base, engine=engine, subject="position")
+        far = 0.0 if engine in band.codes else band.outliers.get(engine, nan)
+        rows += [
+            replace(mine, metric="agreement.change", value=change),
+            replace(mine, metric="agreement.distance", value=far),
+        ]
+    for cell in own_cells(scenario):
+        run = swept.run(cell)
+        error = errors_of(run, truth).get("position", nan) if run else nan
+        own = replace(base, engine=cell.engine, profile=cell.profile, dt=cell.dt, subject="position")
+        rows.append(replace(own, metric="agreement.error", value=error))
+    return rows
 
 
 def require_truths(scenarios: Iterable[Scenario], kind: str = "closed form") -> None:
@@ -275,9 +353,42 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         lone = next((row.reason for row in outliers if row.value > ROUNDING), "")
         for model in rows_of(part[part.verdict != "skipped"]):
             table.add_row(*_cells(model, rows_of(block[block.engine == model.engine]), lone))
-    out.print(table)
-    print_notes(NOTES, out)
+    if table.row_count:
+        out.print(table)
+        print_notes(NOTES, out)
+    _show_bands(frame, out)
     print_failures(frame, out)
+
+
+BAND_HEADS = ("engine", "own step\n[s]", "error\n[mm]", "finest\n[mm]", "change\n[mm]")
+BAND_NOTES = (
+    "error: distance at the own step from the band of the codes that agree; driven links are kinematic",
+    "finest: the same at 1/3840 s, without a band from the nearest code; change: by half of that step",
+)
+
+
+def _show_bands(frame: pd.DataFrame, out: Console) -> None:
+    """Print one block per scene without a closed form, and who agrees on it."""
+    bands = rows_of(frame[frame.metric == "agreement.band"])
+    if not bands:
+        return
+    table = table_of("agreement: scenes without a closed form", BAND_HEADS, padding=(0, 1, 0, 0))
+    for band in bands:
+        table.add_section()
+        table.add_row(Text(band.scenario, "bold"))
+        mine = rows_of(frame[(frame.scenario == band.scenario) & (frame.subject == "position")])
+        found = {(row.engine, row.metric): row.value for row in mine}
+        for row in mine:
+            if row.metric == "agreement.error":
+                far, change = (
+                    found.get((row.engine, f"agreement.{name}"), nan) for name in ("distance", "change")
+                )
+                cells = ("-" if isnan(one) else number(1e3 * one) for one in (row.value, far, change))
+                table.add_row(row.engine, step_text(row.dt), *cells)
+    out.print(table)
+    print_notes(BAND_NOTES, out)
+    for band in bands:
+        out.print(f"{band.scenario}: {band.reason}", highlight=False, soft_wrap=True)
 
 
 def _cells(model: Row, mine: list[Row], lone: str) -> list[str]:

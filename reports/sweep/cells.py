@@ -9,7 +9,7 @@ from functools import lru_cache
 from itertools import product
 from typing import Any
 
-from touchstone.adapters.contract import Settings
+from touchstone.adapters.contract import DRIVES, Settings
 from touchstone.adapters.registry import ENGINES, changes_of, settings_of
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario
@@ -36,7 +36,7 @@ class Cell:
         measure: "module:function" called as f(cell, scenario, engine), which returns `results.Row`s or
             `measures.Course`s.
         source: "module:function" called as f(scenario, seed), which returns the scene.
-        options: "key=value" for the measure.
+        options: "key=value" for the measure; `drive` is that of the settings.
         repeat: number of the repetition, for measures that are not deterministic.
     """
 
@@ -55,7 +55,8 @@ class Cell:
     @property
     def settings(self) -> Settings:
         """How to run the engine."""
-        return Settings(self.profile, self.dt, self.changes, PLANNED if self.effects else None)
+        effects, drive = PLANNED if self.effects else None, self.option("drive", DRIVES[0])
+        return Settings(self.profile, self.dt, self.changes, effects, drive=drive)
 
     @property
     def label(self) -> str:

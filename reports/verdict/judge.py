@@ -59,6 +59,8 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     if row.verdict not in ("", "pass", "fail"):
         return row
     limit = None if row.verdict and not noisy else limit_of(ideal, tags)
+    if limit is not None and isinf(limit.largest):
+        limit = None
     if noisy and _of_the_tracker(row) and (limit is not None or row.verdict):
         return replace(row, low=nan, high=nan, limit=nan, verdict="", basis=UNAPPLIED, reason=NOT_IDEAL)
     if not row.verdict and (limit is None or is_undecided(row, limit.largest)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from math import inf
 
 from touchstone.reports.metrics.contacts.contact import DRIVEN_AUDIT_LIMIT
 from touchstone.reports.results import Row
@@ -13,9 +14,9 @@ from touchstone.scenarios.effects import PLANNED
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Largest allowed absolute value [SI unit] of a metric, for an engine, scenario or tag, profile and
-    subject ("" = every one). The most specific limit wins; among equals the last. `by_construction`: the
-    method meets it whatever it simulates, so meeting it says little."""
+    """Largest allowed absolute value [SI unit] of a metric (inf: any), for an engine, scenario or tag,
+    profile and subject ("" = every one). The most specific limit wins; among equals the last.
+    `by_construction`: the method meets it whatever it simulates, so meeting it says little."""
 
     metric: str
     largest: float
@@ -191,6 +192,8 @@ ROBUSTNESS: tuple[Limit, ...] = tuple(
 )
 FIRST_ORDER = "5 %: an integrator of first order at a fitting step is off by h / T, below 1 %"
 BOUNCES = tuple(f"bounce_{e}" for e in ("e0", "e03", "e05", "e08", "e1"))
+OF_A_LAW = ("truth.velocity", "momentum.withheld", "rest.moved")
+"""Metrics that tell laws of impact apart where several bodies touch."""
 PROBES: tuple[Limit, ...] = (
     # Limits that a correct first-order engine meets.
     Limit("overlap.max", 1e-2, "met at 2.4 m/s, v h at 1/240 s: found once it overlaps", scenario="impact"),
@@ -230,6 +233,11 @@ PROBES: tuple[Limit, ...] = (
     Limit("rest.speed", 0.05, "a ball's radius a second: nothing rolls on", scenario="settles"),
     Limit("rest.lost", 0, "what falls into a box stays in it", scenario="settles"),
     Limit("rest.moved", 1e-3, "a hundredth of a cube: what a viewer does not see", scenario="probe"),
+    *(Limit(one, inf, "a choice of law: `impact.law`", scenario="cradle") for one in OF_A_LAW),
+    *(
+        Limit(one, largest, "impacts come one after another", "reference", "cradle", "paper")
+        for one, largest in zip(OF_A_LAW, (0.05, 0.05, 1e-3))
+    ),
     Limit("symmetry.mirror", 0.02, "2 % of the speeds of 1 m/s", scenario="probe"),
     *(Limit("energy.injected", 0.15, "5 % of the 2.9 J of the fall", scenario=scene) for scene in BOUNCES),
     *(

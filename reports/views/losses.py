@@ -8,6 +8,7 @@ from math import isfinite
 
 import pandas as pd
 
+from touchstone.reports.bootstrap import RATIO
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.request import MACHINE_PROFILE, REFERENCE
@@ -57,6 +58,35 @@ def loss_rows(frame: pd.DataFrame) -> list[list[str]]:
         if loss is not None:
             lost.setdefault(metric, []).append(loss)
     return [_line(metric, lost[metric], len(compared[metric])) for metric in METRICS if metric in lost]
+
+
+def scene_lines(frame: pd.DataFrame) -> list[str]:
+    """One line per scene in which an engine does better or is faster: every such metric with the worst
+    figures of `balanced` and the engine's; then the scenes without one."""
+    lost: dict[str, dict[str, Loss]] = {}
+    for scene, metric, loss in _compared(frame):
+        known = lost.setdefault(scene, {})
+        if loss is not None and (metric not in known or loss.difference > known[metric].difference):
+            known[metric] = loss
+    found = {
+        scene: [
+            f"{metric} {_figure(loss.first)}, {loss.best.engine} {_figure(loss.best)}"
+            for metric, loss in some.items()
+        ]
+        for scene, some in lost.items()
+    }
+    for row in rows_of(frame[(frame.metric == RATIO) & (frame.engine == REFERENCE) & (frame.value > 1)]):
+        found.setdefault(row.scenario, []).append(
+            f"{row.profile} takes {number(row.value)} of the time of {row.subject}"
+        )
+    lines = [f"{scene}: {'; '.join(texts)}" for scene, texts in found.items() if texts]
+    none = [scene for scene, texts in found.items() if not texts]
+    return [*lines, *([f"in nothing: {', '.join(none)}"] if none else [])]
+
+
+def _figure(row: Row) -> str:
+    unit = unit_of(row.metric)
+    return _text(row) + ("" if unit == "1" else f" {unit}")
 
 
 def _line(metric: str, lost: Sequence[Loss], compared: int) -> list[str]:

@@ -28,7 +28,7 @@ from touchstone.reports.views.comparison import (
 from touchstone.reports.views.frame_budget import BUDGET_PICTURE, HEADS, NOTE, budget_rows, budgets
 from touchstone.reports.views.losses import HEADS as LOSS_HEADS
 from touchstone.reports.views.losses import NOTE as LOSS_NOTE
-from touchstone.reports.views.losses import TITLE, loss_rows, unmeasured_lines
+from touchstone.reports.views.losses import TITLE, loss_rows, scene_lines, unmeasured_lines
 from touchstone.reports.views.published import NOTE as PUBLISHED_NOTE
 from touchstone.reports.views.published import TITLE as PUBLISHED
 from touchstone.reports.views.published import published_table
@@ -118,7 +118,8 @@ def _losses(frame: pd.DataFrame) -> list[str]:
     """The section on what engines do better than the reference."""
     rows = loss_rows(frame)
     table = _markdown(list(LOSS_HEADS), rows, 2) if rows else ["In no figure of this run."]
-    return ["", f"## {TITLE.capitalize()}", "", *table, "", LOSS_NOTE, "", *_bullets(unmeasured_lines(frame))]
+    lines = [*unmeasured_lines(frame), *(scene_lines(frame) if rows else [])]
+    return ["", f"## {TITLE.capitalize()}", "", *table, "", LOSS_NOTE, "", *_bullets(lines)]
 
 
 PLACES = 8

@@ -21,7 +21,7 @@ from touchstone.reports.run.reproduce import script_command
 from touchstone.reports.views.frame_budget import HEADS, NOTE, budget_rows, budgets
 from touchstone.reports.views.losses import HEADS as LOSS_HEADS
 from touchstone.reports.views.losses import NOTE as LOSS_NOTE
-from touchstone.reports.views.losses import TITLE, loss_rows, unmeasured_lines
+from touchstone.reports.views.losses import TITLE, loss_rows, scene_lines, unmeasured_lines
 from touchstone.reports.views.overview import LEGEND as OVERVIEW_LEGEND
 from touchstone.reports.views.overview import TOTALS, Overview, overview
 from touchstone.reports.views.published import NOTE as PUBLISHED_NOTE
@@ -128,6 +128,9 @@ def show_losses(frame: pd.DataFrame, out: Console) -> None:
             table.add_row(*row)
         out.print(table)
         print_notes([LOSS_NOTE, *unmeasured_lines(frame)], out)
+        for line in scene_lines(frame):
+            out.print(line, highlight=False, soft_wrap=True)
+        out.print()
 
 
 def show_published(frame: pd.DataFrame, scenarios: Iterable[Scenario], out: Console) -> None:

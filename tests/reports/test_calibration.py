@@ -27,6 +27,7 @@ from touchstone.reports.studies.calibration.probes import (
     rebound_of,
     restitution_of,
     scene,
+    slow_friction_of,
 )
 from touchstone.reports.studies.calibration.rows import subject_of
 from touchstone.reports.studies.calibration.study import (
@@ -47,6 +48,7 @@ TINY = Requested(
     speeds=(0.1, 2.0),
     frictions=(0.3,),
     headings=(0.0, 45.0),
+    slips=(1e-3,),
     ladder=(0.2, 1.0),
     steps=(60,),
     drop_phases=(0.0, 0.5),
@@ -137,6 +139,23 @@ def test_friction_of_an_even_deceleration(heading: float) -> None:
     assert np.isnan(friction_of(velocity[:50], velocity[:50], G, dt))
 
 
+@pytest.mark.parametrize("mu", [0.5, 0.45])
+def test_friction_of_a_slow_slide(mu: float) -> None:
+    """Find mu of a slide down a slope, whether the body slows down or gains speed."""
+    dt, pull = 1e-3, 0.5 * G - 1e-3 / SLIDE_TIME
+    slip = 1e-3 + (pull - mu * G) * np.arange(0, SLIDE_TIME, dt)
+    assert slow_friction_of(slip, pull, G, dt) == pytest.approx(mu, abs=ROUNDING)
+    assert np.isnan(slow_friction_of(np.array([1.0, 0.1, 0.0, 0.0]), pull, G, dt))
+
+
+def test_slow_slides_end_by_coulombs_law() -> None:
+    """Gravity along the slope is less than friction by what stops the body in SLIDE_TIME."""
+    made = scene(Probe("box-box", "slow", 0.4, (1e-2,)), 1 / 240)
+    assert made.bodies[1].linear_velocity == (1e-2, 0.0, 0.0)
+    assert (0.4 * G - made.gravity[0]) * SLIDE_TIME == pytest.approx(1e-2)
+    assert made.coefficients[0].friction == 0.4
+
+
 def test_lowest_speed() -> None:
     """Name the speed from which on all bounce, though a slower one may; NaN where the fastest does not."""
     speeds = np.array([0.1, 0.2, 0.3, 0.4])
@@ -183,7 +202,15 @@ def test_the_whole_grid_is_played() -> None:
     jobs = [(task.settings, task.probe) for task in found]
     asked = {(s.profile, p.pair, p.kind, p.requested) for s, p in jobs if p.kind not in ("drop", "lowest")}
     wanted = {("restitution", e) for e in grid.restitutions} | {("friction", mu) for mu in grid.frictions}
-    assert asked == {(f, pair, *w) for f in ("recommended", "accurate") for pair in SHAPES for w in wanted}
+    slow = {("slow", mu) for mu in grid.frictions}
+    assert asked == {
+        (profile, pair, *one)
+        for profile in ("recommended", "accurate")
+        for pair in SHAPES
+        for one in (wanted if pair == "sphere-box" else wanted | slow)
+    }
+    assert min(grid.speeds) == min(grid.ladder) == 0.02
+    assert min(grid.slips) == 1e-3
     rungs = [
         v for s, p in jobs if s.profile == "accurate" and set(p.speeds) <= set(grid.ladder) for v in p.speeds
     ]
@@ -227,6 +254,9 @@ def test_the_reference_obeys_its_laws(results) -> None:
     """Return what is asked from 2 m/s on, and slide as Coulomb says along any heading."""
     frame = results[0][results[0].engine == "reference"]
     largest = frame[frame.metric == "restitution.bias.max"]
+    slow = frame[frame.metric == "friction.slow.max"]
+    assert slow.value.max() < 1e-5
+    assert set(slow.verdict) == {"pass"}
     assert largest.value.max() < 1e-4  # 1e-6 m of touch gap over a hop of 5 cm
     assert frame[frame.metric == "friction.bias"].value.abs().max() < 1e-6
     assert set(largest.verdict) == {"pass"}
@@ -305,7 +335,9 @@ def test_the_terminal_shows_asked_beside_achieved(results) -> None:
     assert "…" not in text
     for note in NOTES:
         assert note in text
-    restitution, friction, drops = grids(frame)
+    restitution, friction, slow, drops = grids(frame)
+    assert slow.heads[1:] == ["bounce 0.1", "slide 0.001", "slide bias"]
+    assert slow.rows[0][1:] == ["-", "1.000", "0.000"]
     assert restitution.heads[1:3] == ["asked 0", "asked 0.5"]
     assert friction.heads[1:3] == ["sphere 0°", "sphere 45°"]
     assert friction.rows[0][1:5] == ["1.000"] * 4

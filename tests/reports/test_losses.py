@@ -7,7 +7,7 @@ from math import nan
 import pytest
 
 from touchstone.reports.results import Row, table
-from touchstone.reports.views.losses import HEADS, loss_rows, unmeasured_lines
+from touchstone.reports.views.losses import HEADS, loss_rows, scene_lines, unmeasured_lines
 
 
 def row(engine: str, metric: str, value: float, scene: str = "stack", **more) -> Row:
@@ -47,6 +47,25 @@ def test_what_is_no_loss_is_not_told(metric: str, ours: float, theirs: float, li
     """Leave out tolerances, rounding, and figures that are better or have no direction."""
     rows = [row("reference", metric, ours, limit=limit), row("dart", metric, theirs)]
     assert loss_rows(table(rows)) == []
+
+
+def test_every_scene_has_its_line() -> None:
+    """Tell per scene what is lost, with both figures, and where the engines are faster; then the others."""
+    rows = [
+        row("reference", "contact.gap", 2e-4, subject="a-b"),
+        row("mujoco", "contact.gap", 1e-4, subject="a-b"),
+        row("reference", "contact.gap", 9e-4, subject="a-c"),
+        row("mujoco", "contact.gap", 1e-4, subject="a-c"),
+        row("reference", "ratio.time", 1.29, subject="mujoco equal-step", profile="equal-step"),
+        row("reference", "ratio.time", 0.9, "fall", subject="dart recommended"),
+        row("reference", "contact.gap", 0.0, "slide"),
+        row("mujoco", "contact.gap", 1e-4, "slide"),
+    ]
+    assert scene_lines(table(rows)) == [
+        "stack: contact.gap 0.900 mm, mujoco 0.100 mm; "
+        "equal-step takes 1.29 of the time of mujoco equal-step",
+        "in nothing: slide",
+    ]
 
 
 def test_other_profiles_of_engines_do_not_count() -> None:

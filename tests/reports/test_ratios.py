@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from touchstone.reports.bench import repeatability
@@ -171,3 +172,24 @@ def test_overlapping_intervals_of_two_runs_are_counted(tmp_path, capsys):
         table(rows).to_csv(path, index=False)
     repeatability.main(paths)
     assert capsys.readouterr().out == "ratio.time: 1 of 2 intervals overlap, 50.0 %\n"
+
+
+def test_stored_runs_of_two_days_are_compared(tmp_path):
+    """Keep the intervals alone; compare the last run with the last one of an earlier day."""
+    base = Row("bench frame", "fall", "reference", "balanced", 1 / 60, "ratio.time", 0.5, subject="dart r")
+    facts = {"commit": "0123456789abcdef", "machine": {"processor": "one processor"}}
+
+    def kept(day, low, high):
+        rows = [replace(base, low=low, high=high), replace(base, metric="overlap.max")]
+        repeatability.store(table(rows), {**facts, "day": day}, tmp_path)
+
+    kept("2026-01-02", 0.4, 0.6)
+    assert repeatability.stored_lines(tmp_path) == [
+        "One run is stored (2026-01-02-0123456789ab); none of an earlier day."
+    ]
+    kept("2026-01-03", 0.7, 0.8)
+    assert len(pd.read_csv(tmp_path / "2026-01-03-0123456789ab.csv")) == 1
+    assert repeatability.stored_lines(tmp_path) == [
+        "2026-01-02-0123456789ab and 2026-01-03-0123456789ab, one processor:",
+        "- ratio.time: 0 of 1 intervals overlap, 0.0 %",
+    ]

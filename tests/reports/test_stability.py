@@ -29,6 +29,7 @@ from touchstone.reports.studies.stability.study import (
     envelope_picture,
     rows_of_envelope,
     show,
+    shown_columns,
     step_picture,
     table_of_cells,
 )
@@ -175,3 +176,26 @@ def test_sheets_show_runs_without_their_classes(tmp_path):
     assert frame[["number", "scene", "outcome"]].values.tolist() == [[1, "hard_needle_5", "ok"]]
     assert sorted(path.name for path in (tmp_path / "sheet").iterdir()) == ["sheet-1.png", "sheet.csv"]
     assert (tmp_path / "sheet" / "sheet-1.png").stat().st_size > 5000
+
+
+def test_engines_show_three_profiles_and_the_reference_one():
+    """Default, recommended and the best, which may be one of them; few profiles are shown as they are."""
+    counts = {
+        **{("reference", name): 9 for name in ("balanced", "accurate", "paper")},
+        ("dart", "accurate"): 7,
+        ("dart", "default"): 5,
+        ("dart", "recommended"): 6,
+        ("bullet", "default"): 4,
+        ("bullet", "recommended"): 4,
+        ("bullet", "maximal"): 3,
+        ("mujoco", "accurate"): 1,
+    }
+    assert shown_columns(counts) == {
+        ("reference", "balanced"): "balanced",
+        ("dart", "default"): "default",
+        ("dart", "recommended"): "recommended",
+        ("dart", "accurate"): "best: accurate",
+        ("bullet", "default"): "best: default",
+        ("bullet", "recommended"): "recommended",
+        ("mujoco", "accurate"): "accurate",
+    }

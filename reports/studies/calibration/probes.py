@@ -51,7 +51,7 @@ DROP = 0.5
 """Height of a fall from rest [m]: it lands at 3.1 m/s."""
 SLIDE_TIME = 0.3
 """Duration of a slide until it stops under Coulomb's law [s]."""
-Kind = Literal["restitution", "lowest", "drop", "friction"]
+Kind = Literal["restitution", "lowest", "drop", "friction", "slow"]
 TIMES: dict[Kind, float] = {
     # Duration of a scene [s]. The softest contact lasts 40 ms; a fall and a rise of DROP take 0.32 s each;
     # a slide at 0.7 of the requested friction still stops.
@@ -59,6 +59,7 @@ TIMES: dict[Kind, float] = {
     "lowest": 0.2,
     "drop": 0.75,
     "friction": 1.5 * SLIDE_TIME,
+    "slow": SLIDE_TIME,
 }
 
 
@@ -66,7 +67,8 @@ TIMES: dict[Kind, float] = {
 class Probe:
     """Request of a scene. Restitution: bodies that meet the floor at `speeds` [m/s] and `phases` [steps]
     (`lowest`: rungs of a ladder of speeds), or that drop from DROP, for other phases from a little higher.
-    Friction: bodies that slide along `headings` [degrees]. Body 0 is the floor; the others follow, with the
+    Friction: bodies that slide along `headings` [degrees]; `slow`: one that slides down a slope at a speed
+    which Coulomb's law takes away in SLIDE_TIME. Body 0 is the floor; the others follow, with the
     phases varying fastest."""
 
     pair: str
@@ -79,8 +81,16 @@ class Probe:
 
 def scene(probe: Probe, dt: float) -> Scenario:
     """The scene of a probe for a native step of `dt` [s]."""
-    slides, rate = probe.kind == "friction", round(1 / dt)
-    bodies = _sliding(probe) if slides else (_bouncing(probe, dt) if probe.speeds else _dropped(probe, dt))
+    slides, rate = probe.kind in ("friction", "slow"), round(1 / dt)
+    gravity = (0.0, 0.0, -G)
+    if probe.kind == "slow":
+        (speed,) = probe.speeds
+        gravity = (pull_of(probe), 0.0, -G)
+        bodies = [_body(probe.pair, 0, 0.0, (speed, 0.0, 0.0))]
+    elif slides:
+        bodies = _sliding(probe)
+    else:
+        bodies = _bouncing(probe, dt) if probe.speeds else _dropped(probe, dt)
     asked = (0.0, probe.requested) if slides else (probe.requested, 0.0)
     half = SPACING * (len(bodies) + 2)
     # The piece is at its body's origin: Bullet treats a shifted one as a compound, whose contacts differ.
@@ -92,8 +102,14 @@ def scene(probe: Probe, dt: float) -> Scenario:
         (Body("floor", "fixed", "any", (slab,), position=(0.0, 0.0, -1.0)), *bodies),
         round(TIMES[probe.kind] * rate) / rate,
         (PairCoefficients("any", "any", *asked),),
+        gravity=gravity,
         frame_rate=rate,
     )
+
+
+def pull_of(probe: Probe) -> float:
+    """Gravity along the slope of a slow slide [m/s^2]."""
+    return probe.requested * G - probe.speeds[0] / SLIDE_TIME
 
 
 def _bouncing(probe: Probe, dt: float) -> list[Body]:
@@ -223,6 +239,21 @@ def friction_of(velocity: Array, slip: Array, g: float, dt: float) -> float:
     first, last = int(below[0][0]), int(below[1][0])
     lost = velocity[first] - velocity[last]
     return float(lost @ slip[0] / speed[0] / ((last - first) * dt * g))
+
+
+def slow_friction_of(slip: Array, pull: float, g: float, dt: float) -> float:
+    """Mean friction over the normal force of a slide down a slope, until the slip has fallen to 20 % of the
+    first, or two thirds of SLIDE_TIME have passed.
+
+    Args:
+        slip: along the slope (n,) [m/s].
+        pull, g: gravity along the slope and into it [m/s^2].
+    Returns:
+        NaN where the slip falls so far within two steps.
+    """
+    below = np.append(np.flatnonzero(slip <= SLIP_WINDOW[1] * slip[0]), len(slip))[0]
+    last = min(int(below), round(2 * SLIDE_TIME / 3 / dt))
+    return float((pull - (slip[last] - slip[0]) / (last * dt)) / g) if last > 2 else float("nan")
 
 
 def lowest_speed(speeds: Array, achieved: Array) -> float:

@@ -20,8 +20,10 @@ from touchstone.reports.studies.calibration.probes import (
     ProbeTask,
     friction_of,
     lowest_speed,
+    pull_of,
     rebound_of,
     restitution_of,
+    slow_friction_of,
 )
 from touchstone.reports.studies.tasks import Ended, own_step
 
@@ -30,8 +32,14 @@ ALL = "all"
 """Scenario name of the aggregate over all pairs."""
 JUDGED_SPEED = 1.0
 """Least approach speed of the aggregated bias of restitution [m/s]; below it, engines fade it out."""
-LARGEST = {name: f"{name}.max" for name in ("restitution.bias", "friction.bias")}
+LARGEST = {
+    "restitution.bias": "restitution.bias.max",
+    "friction.bias": "friction.bias.max",
+    "friction.slow": "friction.slow.max",
+}
 """Metric -> the name of its aggregate."""
+SLOW = "restitution.slow.max"
+"""Aggregate of the bias of restitution below JUDGED_SPEED."""
 HOP_STEPS = 2
 """Least duration of a hop, to distinguish it from rest [steps]."""
 
@@ -40,6 +48,8 @@ def subject_of(kind: str, requested: float, value: float) -> str:
     """Subject of a row: the requested value, and the speed [m/s] or heading [degrees]."""
     if kind == "restitution":
         return f"e={requested:g} v={value:.3g}"
+    if kind == "slow":
+        return f"mu={requested:g} v={value:.3g}"
     return f"mu={requested:g} heading={value:g}"
 
 
@@ -65,6 +75,8 @@ def rows_of_engine(found: Sequence[tuple[ProbeTask, ProbeMotion | Ended]]) -> li
                 ladders.setdefault(base, []).extend(zip(probe.speeds, achieved()[:, 0].tolist()))
             case "friction":
                 rows += _friction(base, probe, motion)
+            case "slow":
+                rows.append(_slow(base, probe, motion))
             case "drop":
                 rows.append(_drop(base, motion))
     rows += _largest(rows)
@@ -146,17 +158,29 @@ def _friction(base: Row, probe: Probe, motion: ProbeMotion) -> list[Row]:
     return rows
 
 
+def _slow(base: Row, probe: Probe, motion: ProbeMotion) -> Row:
+    """Friction over the one asked for while a body slides slowly."""
+    mu = slow_friction_of(motion.surface[:, 0, 0], pull_of(probe), G, base.dt)
+    subject = subject_of("slow", probe.requested, probe.speeds[0])
+    row = replace(base, metric="friction.slow", subject=subject, unit="1", value=mu / probe.requested)
+    if isnan(mu):
+        return replace(row, verdict="skipped", reason=f"asked {probe.requested:g}; it stops within two steps")
+    return replace(row, reason=f"asked {probe.requested:g}")
+
+
 def _largest(found: Sequence[Row]) -> list[Row]:
-    """Largest biases per profile and pair, and over all pairs; those of restitution from JUDGED_SPEED."""
+    """Largest biases per profile and pair, and over all pairs; those of restitution from JUDGED_SPEED on, and
+    below it."""
     sizes: dict[tuple[str, str, float, str], list[float]] = {}
     for row in found:
-        if row.metric not in LARGEST:
+        if row.metric not in LARGEST or isnan(row.value):
             continue
+        name, value = LARGEST[row.metric], row.value - (row.metric == "friction.slow")
         if row.metric == "restitution.bias" and float(row.subject.partition("v=")[2]) < JUDGED_SPEED:
-            continue
+            name = SLOW
         for pair in (row.scenario, ALL):
-            sizes.setdefault((row.metric, row.profile, row.dt, pair), []).append(abs(row.value))
+            sizes.setdefault((name, row.profile, row.dt, pair), []).append(abs(value))
     return [
-        Row(STUDY, pair, found[0].engine, profile, dt, LARGEST[metric], max(values), "1")
-        for (metric, profile, dt, pair), values in sizes.items()
+        Row(STUDY, pair, found[0].engine, profile, dt, name, max(values), "1")
+        for (name, profile, dt, pair), values in sizes.items()
     ]

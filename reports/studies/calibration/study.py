@@ -49,15 +49,17 @@ LADDER_PART = 26
 @dataclass(frozen=True, slots=True)
 class Requested:
     """Requested values: restitutions at approach `speeds` [m/s], frictions at `headings` [degrees], a ladder
-    of speeds for the lowest one that bounces, and e = 1 from a fall under several steps [1/s]."""
+    of speeds for the lowest one that bounces, slow slides at `slips` [m/s], and e = 1 from a fall under
+    several steps [1/s]."""
 
     pairs: tuple[str, ...] = tuple(SHAPES)
     restitutions: tuple[float, ...] = (0.0, 0.3, 0.5, 0.8, 1.0)
-    speeds: tuple[float, ...] = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+    speeds: tuple[float, ...] = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
     phases: tuple[float, ...] = (1 / 6, 1 / 2, 5 / 6)
     frictions: tuple[float, ...] = (0.1, 0.3, 0.5, 1.0)
     headings: tuple[float, ...] = (0.0, 22.5, 45.0)
-    ladder: tuple[float, ...] = tuple(0.05 * 1.05**k for k in range(52))
+    slips: tuple[float, ...] = (1e-3, 1e-2, 0.1)
+    ladder: tuple[float, ...] = tuple(0.02 * 1.05**k for k in range(71))
     steps: tuple[int, ...] = (60, 240, 1000, 4000)
     drop_phases: tuple[float, ...] = tuple(k / 8 for k in range(8))
 
@@ -82,6 +84,8 @@ def probes_of(grid: Requested) -> list[Probe]:
         phases = grid.phases if pair == "sphere-box" else (0.5,)
         probes += [Probe(pair, "restitution", e, grid.speeds, phases) for e in grid.restitutions]
         probes += [Probe(pair, "friction", mu, headings=grid.headings) for mu in grid.frictions]
+        if pair != "sphere-box":  # a sphere rolls
+            probes += [Probe(pair, "slow", mu, (v,)) for mu in grid.frictions for v in grid.slips]
     parts = (grid.ladder[k : k + LADDER_PART] for k in range(0, len(grid.ladder), LADDER_PART))
     return probes + [Probe("sphere-box", "lowest", 1.0, speeds, (0.5,)) for speeds in parts]
 
@@ -118,6 +122,7 @@ NOTES = (
     f"asked: what a sphere at {SHOWN_SPEED:g} m/s returned; bias: largest |achieved - asked| from 1 m/s on",
     "lowest: speed from which on a quarter of e = 1 is returned, or the least one tried",
     "friction: mean over the coefficients asked; bias: the largest of a single one",
+    "-: a hop of less than two steps, or a slide that is over within two",
 )
 
 
@@ -142,6 +147,9 @@ class Values:
         subjects = [r.subject for r in rows]
         self.restitutions = asked(subjects, "e")
         self.frictions, self.headings = asked(subjects, "mu"), asked(subjects, "heading")
+        slow = [r.subject for r in rows if r.metric == "friction.slow"]
+        fast = [r.subject for r in rows if r.metric == "restitution.achieved"]
+        self.slips, self.speeds = asked(slow, "v"), asked(fast, "v")
 
     def __call__(self, column: tuple[str, str], pair: str, metric: str, subject: str = "") -> float:
         return self._rows.get((*column, pair, metric, subject), nan)
@@ -179,9 +187,9 @@ def asked(subjects: Sequence[str], name: str) -> list[float]:
 
 
 def grids(frame: pd.DataFrame) -> list[TextTable]:
-    """Restitution, friction, and a fall under several steps."""
+    """Restitution, friction, both of slow bodies, and a fall under several steps."""
     values = Values(frame)
-    return [_restitution(values), _friction(values), _drops(frame)]
+    return [_restitution(values), _friction(values), _slow(values), _drops(frame)]
 
 
 def _restitution(values: Values) -> TextTable:
@@ -206,6 +214,26 @@ def _friction(values: Values) -> TextTable:
         shares = [values.share(column, pair, heading) for pair in SHAPES for heading in values.headings]
         rows.append([_name(values, column), *map(_text, [*shares, values(column, ALL, "friction.bias.max")])])
     return TextTable("friction, achieved over asked, per heading", heads, rows)
+
+
+def _slow(values: Values) -> TextTable:
+    """What e = 1 returns per approach speed, and friction per speed of the slip."""
+    speeds = [speed for speed in values.speeds if speed <= JUDGED_SPEED]
+    heads = ["", *(f"bounce {v:g}" for v in speeds), *(f"slide {v:g}" for v in values.slips), "slide bias"]
+    rows = []
+    for column in values.columns:
+        cells = [
+            values(column, "sphere-box", "restitution.achieved", subject_of("restitution", 1.0, v))
+            for v in speeds
+        ]
+        for v in values.slips:
+            subjects = [subject_of("slow", mu, v) for mu in values.frictions]
+            found = [values(column, pair, "friction.slow", one) for pair in SHAPES for one in subjects]
+            known = [one for one in found if not isnan(one)]
+            cells.append(float(np.mean(known)) if known else nan)
+        cells.append(values(column, ALL, "friction.slow.max"))
+        rows.append([_name(values, column), *map(_text, cells)])
+    return TextTable("slow bodies [m/s]: what e = 1 returns, friction achieved over asked", heads, rows)
 
 
 def _drops(frame: pd.DataFrame) -> TextTable:

@@ -199,10 +199,10 @@ def _played(cell: Cell, rows: pd.DataFrame) -> Played:
     return Played(found, line, float(by_metric["seconds"]["value"]), digits)
 
 
-PROFILES = ("balanced", "accurate", "paper", "recommended")
+PROFILES = ("balanced", "accurate", "paper", "default", "recommended", "maximal")
 """Default profiles."""
-QUICK = ("balanced", "recommended")
-"""Profiles of a quick study, beside the reference's `accurate`."""
+QUICK = ("balanced", "accurate", "default", "recommended", "maximal")
+"""Profiles of a quick study."""
 STEPS = (1 / 30, 1 / 240, 1 / 1920)
 """Native steps [s] of all engines beside the own step of each profile."""
 BUDGET, QUICK_BUDGET = 2.0, 1.5

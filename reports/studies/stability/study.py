@@ -8,11 +8,13 @@ keeps the recordings of failed runs in `output/failed/`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import nan
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
@@ -44,6 +46,8 @@ LEVELS, STEP, CONTAINED = (f"{STUDY}.{name}" for name in ("survived", "largest_s
 REFERENCE = "reference"
 JUDGED = ("balanced", "accurate")
 """Profiles of the reference that must not fail silently."""
+SHOWN = ("default", "recommended")
+"""Profiles of an engine that are shown, beside its best one."""
 LEAST_CONTAINED = 0.8
 """Share of the families in which the reference's envelope must contain that of every engine [1]."""
 
@@ -65,6 +69,20 @@ class Envelope:
         """Columns that were played."""
         return list(dict.fromkeys((cell.engine, cell.profile) for cell in self.played))
 
+    @cached_property
+    def shown(self) -> dict[Column, str]:
+        """Columns that are shown, with their heads."""
+        return shown_columns(
+            {
+                column: sum(
+                    self.outcome(family, level, column) in SURVIVED
+                    for family in self.scope.families
+                    for level in levels_of(family, self.scope.quick)
+                )
+                for column in self.columns
+            }
+        )
+
     def outcome(self, family: Family, level: float, column: Column, dt: float = 0.0) -> str:
         """Class of a cell at a step, or at the profile's own one; empty if it was not played."""
         return self.names.get((family.scene_name(level), *column, dt or own_step(*column)), "")
@@ -79,6 +97,25 @@ class Envelope:
                 return last, name
             last = level
         return last, ""
+
+
+def shown_columns(survived: Mapping[Column, int]) -> dict[Column, str]:
+    """Columns of the table and the picture with their heads: the reference once, of every engine `default`,
+    `recommended` and the best of its profiles; all of an engine that plays only some of these.
+
+    Args:
+        survived: cells at the profile's own step that are ok, by column, as they were played.
+    """
+    found: dict[Column, str] = {}
+    for engine in dict.fromkeys(engine for engine, _ in survived):
+        mine, best = [profile for name, profile in survived if name == engine], ""
+        if engine == REFERENCE and mine[0] == JUDGED[0]:
+            mine = mine[:1]
+        elif set(SHOWN) <= set(mine):
+            best = max(mine, key=lambda profile: survived[engine, profile])
+            mine = list(dict.fromkeys((*SHOWN, best)))
+        found |= {(engine, name): f"best: {name}" if name == best else name for name in mine}
+    return found
 
 
 def run(
@@ -224,7 +261,7 @@ GAP = 0.9
 
 def envelope_picture(found: Envelope, path: Path) -> None:
     """Draw one row per family and one block of levels per column, easy levels at the left."""
-    columns, rows = found.columns, found.scope.families
+    columns, rows = list(found.shown.items()), found.scope.families
     block = max(*(len(levels_of(family, found.scope.quick)) * CELL for family in rows), LABEL) + GAP
     size = (0.17 * (10.0 + RIGHT + block * len(columns)), 1.7 + 0.2 * len(rows))
     with figure(path, *size, font=8, layout=None) as drawn:
@@ -237,11 +274,12 @@ def envelope_picture(found: Envelope, path: Path) -> None:
             text = f"{family.quantity}, {level_text(levels[0])} to {level_text(levels[-1])}"
             text += "" if family.unit == "1" else f" {family.unit}"
             axes.text(block * len(columns), y + 0.5, text, va="center", color="#777777", fontsize=7)
-            for k, column in enumerate(columns):
+            for k, (column, _) in enumerate(columns):
                 for j, level in enumerate(levels):
                     _square(axes, block * k + CELL * j, y, found.outcome(family, level, column))
-        for k, column in enumerate(columns):
-            axes.text(block * k, -0.35, "\n".join(column), va="bottom", color=INK)
+        for k, ((engine, _), head) in enumerate(columns):
+            text = "\n".join((engine, *head.split(" ")))
+            axes.text(block * k, -0.35, text, va="bottom", color=INK)
         title = "How far each engine goes before it fails"
         axes.text(-9.5, top - 0.3, title, va="bottom", color=INK, fontsize=12, fontweight="bold")
         axes.set_xlim(-10.0, block * len(columns) + RIGHT)
@@ -296,6 +334,7 @@ def _handles(found: Envelope) -> list[Patch]:
 NOTES = (
     "the most difficult level before the first failure at the profile's own step, and how that failed;",
     "-: the easiest fails; all: every level survives; =: no body is simulated, the reference poses it.",
+    "best: the profile of an engine with most cells that are ok; counts below are of all that were played.",
 )
 LISTED = 20
 """Number of silent failures that are listed."""
@@ -306,11 +345,12 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     reference."""
     survived = frame[frame.metric == LEVELS]
     columns = list(dict.fromkeys(zip(survived.engine, survived.profile)))
-    heads = [f"{engine}\n{profile}" for engine, profile in columns]
+    shown = shown_columns({column: _ok(frame, column) for column in columns})
+    heads = ["\n".join((engine, *head.split(" "))) for (engine, _), head in shown.items()]
     table = table_of("stability: the most difficult level survived", ("family", *heads), padding=(0, 1, 0, 0))
     for name, part in survived.groupby("scenario", sort=False):
         cells = {(row.engine, row.profile): _cell(row) for row in rows_of(part)}
-        table.add_row(str(name), *(cells.get(column, "") for column in columns))
+        table.add_row(str(name), *(cells.get(column, "") for column in shown))
     out.print(table)
     print_notes((*NOTES, _letters(frame)), out)
     _counts(frame, columns, out)
@@ -326,6 +366,12 @@ def show(frame: pd.DataFrame, out: Console) -> None:
     if len(failed) > LISTED:
         out.print(f"and {len(failed) - LISTED} more in cells.csv", highlight=False)
     print_failures(frame[frame.metric == "run"], out)
+
+
+def _ok(frame: pd.DataFrame, column: Column) -> int:
+    """Cells of a column at its own step that are ok."""
+    mine = frame[(frame.metric == OUTCOME) & (frame.engine == column[0]) & (frame.profile == column[1])]
+    return int((mine.subject.isin(SURVIVED) & np.isclose(mine["dt"], own_step(*column))).sum())
 
 
 def _cell(row: Row) -> str:

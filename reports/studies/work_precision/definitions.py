@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from touchstone.adapters.contract import DRIVES
 from touchstone.adapters.knobs import Choice
-from touchstone.adapters.registry import settings_of
+from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.reports.studies.tasks import own_profile
 from touchstone.reports.sweep.cells import CATALOGUE, PERTURBED, Cell, grid
 from touchstone.scenarios.catalogue import tagged
@@ -32,9 +33,9 @@ KNOBS: dict[str, tuple[str, ...]] = {
 }
 """Values of each engine's main knob, played at its profile's own step."""
 FINE, FINER = 1 / 1920, 1 / 3840
-"""Steps of the converged solution and of its check [s]."""
-TRUTH_ENGINE, TRUTH_PROFILE = REFERENCE, "accurate"
-"""Who plays the converged solution of scenes, or quantities, without a closed form."""
+"""Steps of the converged solutions and of their check [s]."""
+TRUTH_PROFILE = "accurate"
+"""The profile of the converged solutions; of an engine that has none, its first."""
 PERTURBED_SEEDS = (0, 1)
 """Perturbed runs that measure the horizon."""
 HORIZON_DISTANCE = 1e-4
@@ -48,7 +49,7 @@ class Quantity:
 
     Attributes:
         unit: SI.
-        tolerance: error that most users accept; a converged solution changes by less than a tenth of it.
+        tolerance: error that most users accept.
         floor: error below which two settings count as equal: what rounding or the judge leaves open.
         meaning: definition of the error.
     """
@@ -117,16 +118,32 @@ def measured_cells(names: Sequence[str], engines: Sequence[str], quick: bool = F
     return list(dict.fromkeys(cells))
 
 
-def truth_cells(scene: str, sources: tuple[str, str] = (CATALOGUE, PERTURBED)) -> list[Cell]:
-    """Converged solution of a scene, its check at half the step, a plain run and perturbed ones.
+def truth_cells(
+    scene: str, sources: tuple[str, str] = (CATALOGUE, PERTURBED), drive: str = DRIVES[0]
+) -> list[Cell]:
+    """Converged solutions of a scene by every installed engine, each with its check at half the step, then a
+    plain run of the reference and perturbed ones, for the horizon.
 
     Args:
         sources: of the scene, and of the scene moved by a little.
+        drive: of the engines' driven bodies.
     """
-    column, (plain, moved) = (scene, TRUTH_ENGINE, TRUTH_PROFILE), sources
+    plain, moved = sources
+    codes = [
+        Cell(
+            *(scene, engine, TRUTH_PROFILE if TRUTH_PROFILE in entry.profiles else own_profile(engine), dt),
+            source=plain,
+            options=() if drive == DRIVES[0] or engine == REFERENCE else (f"drive={drive}",),
+        )
+        for engine, entry in ENGINES.items()
+        if installed(engine)
+        for dt in (FINE, FINER)
+    ]
+    column = (scene, REFERENCE, TRUTH_PROFILE, 1 / 240)
     return [
-        *(Cell(*column, dt, source=plain) for dt in (FINE, FINER, 1 / 240)),
-        *(Cell(*column, 1 / 240, seed=seed, source=moved) for seed in PERTURBED_SEEDS),
+        *codes,
+        Cell(*column, source=plain),
+        *(Cell(*column, seed=seed, source=moved) for seed in PERTURBED_SEEDS),
     ]
 
 

@@ -1,15 +1,16 @@
-"""Errors of a cell per quantity, against the closed form or the converged solution, and horizons."""
+"""Errors of a cell per quantity, against the closed form or the band of converged solutions, and horizons."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf, nan
+from math import inf
 
 import numpy as np
 import pandas as pd
 
 from touchstone.adapters.contract import Array
+from touchstone.reports.studies.work_precision.bands import Band, Code, band_of, outside
 from touchstone.reports.studies.work_precision.definitions import HORIZON_DISTANCE, QUANTITIES
 from touchstone.reports.sweep.measures import FRAMES, PATH, moving
 from touchstone.scenarios.closed_form import motion
@@ -20,7 +21,7 @@ FRICTION = ("friction.stop", "friction.coast", "friction.heading", "friction.con
 EVENTS = ("events.touch", "events.roll", "events.leave", "events.land", "events.meet", "events.part")
 LEAST_DROP = 0.01
 """Height whose potential energy is the least scale of energy [m]: where nothing moves."""
-CLOSED_FORM, CONVERGED, NOT_CONVERGED = "closed form", "converged", "not converged"
+CLOSED_FORM, BAND = "closed form", "band"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,23 +41,27 @@ class CellRun:
 
 @dataclass(frozen=True, slots=True)
 class TrueMotion:
-    """The true motion of a scene.
+    """The true motion of a scene, which is known to a band where it has no closed form.
 
     Attributes:
-        path: centres of mass of the moving bodies (f, n, 3) [m].
-        source: per quantity CLOSED_FORM, CONVERGED or NOT_CONVERGED.
-        change: per quantity what halving the step of the converged solution changed.
+        low, high: least and largest coordinates of the moving bodies (f, n, 3) [m], the same in closed form;
+            None where codes do not agree.
+        source: per quantity CLOSED_FORM or BAND.
+        width: per quantity width of the band.
         horizon: frame up to which positions and events are compared.
-        events: (metric, subject) -> time [s].
         energy: scale of energies [J].
+        events: (metric, subject) -> earliest and latest time [s].
+        band: what the codes agree on, with the outliers; None without codes.
     """
 
-    path: Array
+    low: Array | None
+    high: Array | None
     horizon: int
     energy: float
     source: Mapping[str, str] = field(default_factory=dict)
-    change: Mapping[str, float] = field(default_factory=dict)
-    events: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    width: Mapping[str, float] = field(default_factory=dict)
+    events: Mapping[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
+    band: Band | None = None
 
 
 def run_of(rows: pd.DataFrame, scenario: Scenario) -> CellRun | None:
@@ -69,39 +74,45 @@ def run_of(rows: pd.DataFrame, scenario: Scenario) -> CellRun | None:
 
 def truth_of(
     scenario: Scenario,
-    fine: CellRun | None,
-    finer: CellRun | None,
+    codes: Mapping[str, tuple[CellRun, CellRun]],
     plain: CellRun | None,
     perturbed: Iterable[CellRun],
 ) -> TrueMotion | None:
-    """The true motion: positions from the closed form if there is one, all else from the converged solution.
+    """The true motion: positions from the closed form if there is one, else the band of the codes, which
+    also times the events.
 
     Args:
-        fine, finer: the converged solution and its check at half the step, which is the better of both.
+        codes: engine -> its converged solution and the check at half the step, which is the better of both.
         plain, perturbed: runs at one step, of the scene as it is and moved by a little.
     """
     closed = closed_path(scenario)
-    if closed is None and finer is None:
+    if closed is None and not codes:
         return None
-    path = closed if closed is not None else finer.path  # type: ignore[union-attr]
-    horizon = _horizon(plain, perturbed, len(path) - 1)
-    change: dict[str, float] = {}
-    events: dict[tuple[str, str], float] = {}
-    if fine is not None and finer is not None:
-        change["position"] = distance(fine.path, finer.path, horizon)
-        until = horizon / scenario.frame_rate
-        events = {key: t for key, t in finer.values(*EVENTS).items() if t <= until}
-        others = fine.values(*EVENTS)
-        change["events"] = max((abs(others.get(key, inf) - t) for key, t in events.items()), default=nan)
-    source = {
-        name: CONVERGED if change.get(name, inf) < QUANTITIES[name].tolerance / 10 else NOT_CONVERGED
-        for name in ("position", "events")
-    }
-    if closed is not None:
-        source["position"] = CLOSED_FORM
-    for name in ("overlap", "energy", "friction"):
-        source[name] = CLOSED_FORM
-    return TrueMotion(path, horizon, _energy_scale(scenario, path), source, change, events)
+    horizon = _horizon(plain, perturbed, scenario.frame_count)
+    band = None
+    if codes:
+        paths = {name: Code(fine.path, finer.path) for name, (fine, finer) in codes.items()}
+        band = band_of(paths, horizon, QUANTITIES["position"].tolerance, closed)
+    low, high = (band.low, band.high) if band and band.codes else (closed, closed)
+    path = low if low is not None else next(iter(codes.values()))[1].path
+    source = dict.fromkeys(("overlap", "energy", "friction"), CLOSED_FORM)
+    source |= {"position": BAND if closed is None else CLOSED_FORM, "events": BAND}
+    width = {"position": band.width} if band and band.codes and closed is None else {}
+    events = _events([codes[name][1] for name in band.codes] if band else [], horizon / scenario.frame_rate)
+    if events:
+        width["events"] = max(last - first for first, last in events.values())
+    return TrueMotion(low, high, horizon, _energy_scale(scenario, path), source, width, events, band)
+
+
+def _events(runs: Sequence[CellRun], until: float) -> dict[tuple[str, str], tuple[float, float]]:
+    """Earliest and latest time [s] of the events that all runs have until a time."""
+    times = [run.values(*EVENTS) for run in runs]
+    found = {}
+    for key in times[0] if times else ():
+        each = [one.get(key, inf) for one in times]
+        if max(each) <= until:
+            found[key] = min(each), max(each)
+    return found
 
 
 def closed_path(scenario: Scenario) -> Array | None:
@@ -112,12 +123,6 @@ def closed_path(scenario: Scenario) -> Array | None:
         return None
     times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
     return np.stack([motion(scenario, truths[k], times).position for k in bodies], axis=1)
-
-
-def distance(one: Array, other: Array, horizon: int) -> float:
-    """Largest distance of two paths over bodies and frames up to the horizon [m]."""
-    last = min(len(one), len(other), horizon + 1)
-    return float(np.linalg.norm(one[:last] - other[:last], axis=-1).max())
 
 
 def _horizon(plain: CellRun | None, perturbed: Iterable[CellRun], last: int) -> int:
@@ -144,9 +149,11 @@ def errors_of(run: CellRun, truth: TrueMotion) -> dict[str, float]:
     """Error of a run per quantity; a quantity that does not apply is missing.
 
     A body that passed through another has an infinite error of overlap, an event that did not happen one of
-    events.
+    events. Positions and events have none where codes do not agree.
     """
-    found = {"position": distance(run.path, truth.path, truth.horizon)}
+    found = {}
+    if truth.low is not None and truth.high is not None:
+        found["position"] = outside(run.path, truth.low, truth.high, truth.horizon)
     tunnelled = run.values("overlap.tunnelled")
     overlap = run.values("overlap.max")
     if overlap:
@@ -159,9 +166,13 @@ def errors_of(run: CellRun, truth: TrueMotion) -> dict[str, float]:
         found["friction"] = max(friction)
     if truth.events:
         times = run.values(*EVENTS)
-        apart = [abs(times.get(key, inf) - t) for key, t in truth.events.items()]
-        found["events"] = max(inf if np.isnan(one) else one for one in apart)
+        apart = [_beyond(times.get(key, inf), *ends) for key, ends in truth.events.items()]
+        found["events"] = max(apart)
     return found
+
+
+def _beyond(time: float, first: float, last: float) -> float:
+    return max(0.0, first - time, time - last) if time == time else inf
 
 
 def _energy(run: CellRun, scale: float) -> float | None:

@@ -11,8 +11,11 @@ import pandas as pd
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.run.request import step_text
+from touchstone.reports.studies.work_precision.bands import distance
 from touchstone.reports.studies.work_precision.definitions import (
     BASE,
+    FINE,
+    FINER,
     QUANTITIES,
     REFERENCE,
     STUDY,
@@ -22,7 +25,7 @@ from touchstone.reports.studies.work_precision.definitions import (
 from touchstone.reports.studies.work_precision.errors import (
     CellRun,
     TrueMotion,
-    distance,
+    closed_path,
     errors_of,
     run_of,
     truth_of,
@@ -88,7 +91,7 @@ def deficit(ours: Array, theirs: Array, floor: float) -> Array:
 COLUMNS = (
     *("study", "scenario", "engine", "profile", "settings", "dt", "quantity", "unit"),
     *("error", "discretisation", "model", "time", "time_low", "time_high", "front"),
-    *("truth", "truth_change", "horizon", "outcome", "verdict", "reason", "reproduce"),
+    *("truth", "truth_width", "horizon", "outcome", "verdict", "reason", "reproduce"),
 )
 """Columns of the table. Times are in s per simulated second: the median of the rounds, and their range;
 `discretisation` is the change from the engine's own finest step, `model` the error there."""
@@ -111,8 +114,17 @@ class SweptRuns:
 
     def truth(self, scenario: Scenario, cells: Sequence[Cell]) -> TrueMotion | None:
         """The true motion of a scene from its `truth_cells`, or without them."""
-        fine, finer, plain, *moved = map(self.run, cells) if cells else (None, None, None)
-        return truth_of(scenario, fine, finer, plain, [run for run in moved if run])
+        found: dict[str, dict[float, CellRun]] = {}
+        last: list[CellRun | None] = []
+        for cell in cells:
+            run = self.run(cell)
+            if cell.dt > FINE:
+                last.append(run)
+            elif run is not None:
+                found.setdefault(cell.engine, {})[cell.dt] = run
+        codes = {name: (both[FINE], both[FINER]) for name, both in found.items() if len(both) == 2}
+        plain, *moved = last or [None]
+        return truth_of(scenario, codes, plain, [run for run in moved if run])
 
     def frames(self, cell: Cell, repeat: int) -> Array:
         """Seconds of the displayed frames of a cell that were timed in a round; empty if it was not."""
@@ -141,12 +153,16 @@ def timing_cell(cell: Cell, repeat: int) -> Cell:
 
 
 def points(frame: pd.DataFrame, cells: Sequence[Cell], rounds: int) -> pd.DataFrame:
-    """The table of the study from the rows of its sweep (with series)."""
+    """The table of the study from the rows of its sweep (with series); `attrs["bands"]` has the lines on the
+    bands by scene."""
     swept = SweptRuns(frame)
     found: list[dict[str, object]] = []
+    bands: dict[str, str] = {}
     for scene in dict.fromkeys(cell.scenario for cell in cells):
         mine = [cell for cell in cells if cell.scenario == scene]
         truth = swept.truth(catalogue()[scene], truth_cells(scene))
+        if truth is not None and truth.band is not None and closed_path(catalogue()[scene]) is None:
+            bands[scene] = truth.band.words
         runs = {cell: swept.run(cell) for cell in mine}
         finest = {
             key: min((c for c in mine if _family(c) == key), key=lambda c: c.dt) for key in map(_family, mine)
@@ -164,6 +180,7 @@ def points(frame: pd.DataFrame, cells: Sequence[Cell], rounds: int) -> pd.DataFr
             for parts in _parts(run, limit, truth):
                 found.append({**base, **times, **parts, "horizon": horizon})
     table = pd.DataFrame(found, columns=list(COLUMNS))
+    table.attrs["bands"] = bands
     table["front"] = False
     for (_, quantity), part in table[table.quantity != ""].groupby(["scenario", "quantity"]):
         table.loc[part.index, "front"] = pareto(
@@ -193,7 +210,7 @@ def _parts(run: CellRun, limit: CellRun | None, truth: TrueMotion) -> Iterator[d
             "discretisation": apart if limit else nan,
             "model": left,
             "truth": truth.source.get(name, ""),
-            "truth_change": truth.change.get(name, nan),
+            "truth_width": truth.width.get(name, nan),
         }
 
 

@@ -35,7 +35,7 @@ from touchstone.reports.studies.work_precision.definitions import (
     measured_cells,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.errors import NOT_CONVERGED
+from touchstone.reports.studies.work_precision.errors import BAND
 from touchstone.reports.studies.work_precision.points import fronts, ladder, points, timing_cell
 from touchstone.reports.sweep.cells import ACCURACY, Cell
 from touchstone.reports.sweep.content_hash import hash_of
@@ -124,6 +124,7 @@ def run(
             "rounds of timing": asked.rounds,
             "seconds": {name: round(value, 1) for name, value in table.attrs["seconds"].items()},
             "quantities": {q.name: q.meaning for q in QUANTITIES.values()},
+            "bands": table.attrs["bands"],
         }
         save_manifest(folder, facts)
     table.attrs |= {"fronts": found, "ladder": rungs}
@@ -150,7 +151,7 @@ def number(value: float, unit: str) -> str:
 def show(table: pd.DataFrame, console: Console) -> None:
     """Print the cheapest point of each engine that meets the usual tolerance, the fronts, and the ladder."""
     _answers(table, console)
-    _unconverged(table, console)
+    _bands(table, console)
     fronts = table.attrs.get("fronts")
     if fronts is not None and len(fronts):
         _losses(fronts, console)
@@ -173,15 +174,10 @@ def _table(title: str, left: Sequence[str], right: Sequence[str], last: Sequence
     return shown
 
 
-def _unconverged(table: pd.DataFrame, console: Console) -> None:
-    """Scenes whose truth still changes with its step: their errors cannot be smaller than that change."""
-    part = table[table.truth == NOT_CONVERGED].drop_duplicates(["scenario", "quantity"])
-    for row in _rows(part):
-        change = number(row.truth_change, row.unit)
-        console.print(
-            f"{row.scenario}, {row.quantity}: the truth has not converged, half the step changes it by "
-            f"{change} within {row.horizon:.3g} s"
-        )
+def _bands(table: pd.DataFrame, console: Console) -> None:
+    """Scenes without a closed form: which codes agree on positions, and to what."""
+    for scene, words in table.attrs.get("bands", {}).items():
+        console.print(f"{scene}: {words}", highlight=False, soft_wrap=True)
 
 
 def _answers(table: pd.DataFrame, console: Console) -> None:
@@ -285,7 +281,8 @@ def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -
         for row, scene in zip(grid, scenes):
             for axes, quantity in zip(row, quantities):
                 part = table[(table.scenario == scene) & (table.quantity == quantity)]
-                _panel(axes, part, quantity)
+                apart = quantity in ("position", "events") and scene in table.attrs.get("bands", {})
+                _panel(axes, part, quantity, "codes disagree" if apart else "does not apply")
             row[0].set_ylabel(scene, fontsize=10, color=INK, fontweight="bold")
         for axes, quantity in zip(grid[0], quantities):
             unit = QUANTITIES[quantity].unit
@@ -296,12 +293,12 @@ def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -
         drawn.suptitle("Error over time: lower left is better", color=INK)
 
 
-def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:
+def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str) -> None:
     logarithmic(axes)
     open_axes(axes, labels=7)
     if part.empty:
         axes.set_axis_off()
-        axes.text(0.5, 0.5, "does not apply", transform=axes.transAxes, ha="center", color=PALE)
+        axes.text(0.5, 0.5, missing, transform=axes.transAxes, ha="center", color=PALE)
         return
     floor = QUANTITIES[quantity].floor
     part = part.assign(drawn=part.error.clip(lower=floor))
@@ -316,8 +313,9 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:
     axes.set_ylim(max(low, floor) / 3, max(high * 3, low * 30))
     axes.axhline(QUANTITIES[quantity].tolerance, linewidth=0.8, zorder=0, **TOLERANCE)
     axes.yaxis.set_major_locator(LogLocator(numticks=6))
-    if part.truth.iloc[0] == NOT_CONVERGED:
-        text = "truth not converged"
+    width = part.truth_width.iloc[0]
+    if part.truth.iloc[0] == BAND and width > 0:
+        text = f"truth: a band of {number(width, part.unit.iloc[0])}"
         axes.text(0.02, 0.98, text, transform=axes.transAxes, va="top", fontsize=6.5, color=PALE)
 
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.contract import Settings
+from touchstone.adapters.recording import load
 from touchstone.adapters.registry import ENGINES
-from touchstone.adapters.workers.children import Children, Outcome
+from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.adapters.workers.process import last_core
 from touchstone.reports.bench import frame, restarts
 from touchstone.reports.bench.restarts import CONTESTANTS, Contestant, Take
@@ -255,6 +256,7 @@ def test_every_restart_is_a_process_in_drawn_order(monkeypatch, tmp_path: Path, 
     """Start each engine again for each restart, on the last core, in an order that the seed draws."""
     started: list[tuple[str, int | None]] = []
     base = registry.played("ball_snip", "reference")
+    reads: list[bool] = []
 
     class Fake(Children):
         def __init__(self, *args, **options) -> None:
@@ -266,6 +268,7 @@ def test_every_restart_is_a_process_in_drawn_order(monkeypatch, tmp_path: Path, 
             if self.first:
                 started.append((job.engine, self._core))
             self.first = False
+            reads.append(job.reading)
             replace(base, time_frame=np.full(180, 1e-5)).save(job.recording)
             return [Outcome(job, "done")]
 
@@ -280,10 +283,24 @@ def test_every_restart_is_a_process_in_drawn_order(monkeypatch, tmp_path: Path, 
         assert {core for _, core in started} == {last_core()}
         started.clear()
         assert {len(take.times) for take in takes.values()} == {6}
+        assert sum(reads) == len(takes)
+        reads.clear()
         assert len(list((folder / "recordings").iterdir())) == len(takes)
     assert orders[0] == orders[1] != orders[2]
     assert sorted(orders[0]) == ["mujoco"] * 6 + ["reference"] * 6
     assert orders[0] != [name for _ in range(6) for name in ("reference", "mujoco")]
+
+
+def test_a_play_for_its_times_reads_no_state(tmp_path: Path) -> None:
+    """The recording has a time for each frame, and the start in place of its state."""
+    scene, path = catalogue()["fall"], tmp_path / "times.npz"
+    job = Job("reference", scene, Settings("balanced", 1 / 60), path, tmp_path / "output.txt", reading=False)
+    with Children(per_engine=True) as children:
+        children.play([job], silence)
+    found = load(path)
+    assert (found.time_frame > 0).all()
+    assert (found.time_read == 0).all()
+    assert (found.position == found.position[0]).all()
 
 
 def test_columns_are_complete() -> None:

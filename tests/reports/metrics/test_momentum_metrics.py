@@ -88,6 +88,21 @@ def test_momentum_withheld_by_a_row(recordings, known):
         known.value("momentum.withheld", recording, oblique)
 
 
+def test_the_law_of_an_impact_is_the_nearest(recordings, known):
+    """The cradle's truth is one impact after another; a row that parts together follows another law."""
+    scenario = catalogue()["cradle"]
+    right = known.ideal(recordings, scenario)
+    found = known.value("impact.law", right, scenario)
+    assert found["sequential"] == pytest.approx(0, abs=ROUNDING)
+    velocity = right.linear_velocity.copy()
+    velocity[12:] = [(v, 0.0, 0.0) for v in (-0.6, 0.4, 0.4, 0.4, 0.4)]
+    found = known.value("impact.law", replace(right, linear_velocity=velocity), scenario)
+    assert found["Newton"] == pytest.approx(0, abs=ROUNDING)
+    assert found["sequential"] == pytest.approx(0.6)
+    with pytest.raises(NotMeasured, match="no row or rack"):
+        known.value("impact.law", recordings.recording(catalogue()["slide"]), catalogue()["slide"])
+
+
 def test_energy_is_relative_to_the_truth(recordings, known):
     """A ball that falls too fast gains over m g h, one that falls too slowly loses."""
     scenario = catalogue()["fall"]
