@@ -233,7 +233,10 @@ PROBES: tuple[Limit, ...] = (
     Limit("rest.speed", 0.05, "a ball's radius a second: nothing rolls on", scenario="settles"),
     Limit("rest.lost", 0, "what falls into a box stays in it", scenario="settles"),
     Limit("rest.moved", 1e-3, "a hundredth of a cube: what a viewer does not see", scenario="probe"),
-    *(Limit(one, inf, "a choice of law: `impact.law`", scenario="cradle") for one in OF_A_LAW),
+    *(
+        Limit(one, inf, "a choice of law: `impact.law`", scenario="cradle")
+        for one in (*OF_A_LAW, "published.error")
+    ),
     *(
         Limit(one, largest, "impacts come one after another", "reference", "cradle", "paper")
         for one, largest in zip(OF_A_LAW, (0.05, 0.05, 1e-3))
