@@ -38,16 +38,16 @@ def published_table(
         for one in scenario.published:
             cells = []
             for engine in own:
-                row = found.get((scenario.name, engine, METRIC, one.name))
-                if row is None or not isfinite(row.value):
-                    run = row or found.get((scenario.name, engine, "run", ""))
+                measured = found.get((scenario.name, engine, METRIC, one.name))
+                if measured is None or not isfinite(measured.value):
+                    run = measured or found.get((scenario.name, engine, "run", ""))
                     cells.append(run.verdict if run and run.verdict else "-")
                 else:
-                    value = one.value + row.value * one.tolerance
-                    cells.append(digits(value, one.tolerance) + MARKS.get(row.verdict, ""))
+                    value = one.value + measured.value * one.tolerance
+                    cells.append(digits(value, one.tolerance) + MARKS.get(measured.verdict, ""))
             number = sources.setdefault(one.source, len(sources) + 1)
-            value, tolerance = digits(one.value, one.tolerance), f"{one.tolerance:.2g}"
-            lines.append([scenario.name, f"{one.name} [{number}]", one.unit, value, tolerance, *cells])
+            known = (digits(one.value, one.tolerance), f"{one.tolerance:.2g}")
+            lines.append([scenario.name, f"{one.name} [{number}]", one.unit, *known, *cells])
     heads = ["scene", "value", "unit", "published", "±", *own]
     return heads, lines, [f"[{number}] {source}" for source, number in sources.items()]
 

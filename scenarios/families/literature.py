@@ -208,15 +208,13 @@ def oblique_impacts() -> Scenario:
             values = (ratio * fast, read * fast), (turns / LARGER, blur / LARGER)
         else:
             source = WALTON
-            values = tuple((x, PERCENT * x) for x in (5 / 7 * fast, 5 / 7 * fast / radius))
-        for what, quantity, along, (value, tolerance) in zip(
-            ("speed", "spin"), ("velocity", "spin"), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), values
-        ):
-            published.append(
-                Published(
-                    f"{angle}° {what}", name, quantity, value, tolerance, source, played, played, along
-                )
-            )  # fmt: skip
+            rolling = 5 / 7 * fast
+            values = (rolling, PERCENT * rolling), (rolling / radius, PERCENT * rolling / radius)
+        window, (speed, turning) = (played, played), values
+        published += [
+            Published(f"{angle}° speed", name, "velocity", *speed, source, *window),
+            Published(f"{angle}° spin", name, "spin", *turning, source, *window, along=(0.0, 1.0, 0.0)),
+        ]
     return Scenario(
         name="oblique_impacts",
         summary=f"balls hit a floor at {STICKS[0]} to 85 degrees from its normal and stick or slip",
@@ -351,8 +349,8 @@ def euler_discs() -> Scenario:
 
 
 ROD, TIP, SLIDING = 40.0, 0.04, 20.0
-"""Half length of Painleve's rod and radius of its tip [m], and first speed of the tip [m/s]: long, so that the rod
-hardly turns in two frames."""
+"""Half length of Painleve's rod and radius of its tip [m], so long that it hardly turns in two frames, and
+first speed of the tip [m/s]."""
 PRESSED = (1.0, 1.2)
 """Friction for which the rod has one motion [1], below 4/3."""
 JAMMED = 1.5
