@@ -32,10 +32,10 @@ def slid(scene: Scenario) -> np.ndarray:
     piece."""
     x, z = splines(scene)
     frames, found = np.arange(scene.frame_count + 1) / scene.frame_rate, []
-    grip = lambda t: MU * (GRAVITY + z(t, 2))  # noqa: E731
+    grip = lambda t: scene.coefficients[0].friction * (GRAVITY + z(t, 2))  # noqa: E731
     t, y, sign = 0.0, np.array([0.0, float(x(0, 1))]), 0
     sign = int(np.sign(x(t, 2))) if abs(x(t, 2)) > grip(t) else 0
-    knots = [*scene.trackers[0].times[1:], scene.duration]
+    knots = [*(one for one in scene.trackers[0].times[1:] if one < scene.duration), scene.duration]
     while t < scene.duration:
         # the right side has kinks at the knots: no step passes one
         knot = next(one for one in knots if one > t + 1e-12)
