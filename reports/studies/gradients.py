@@ -347,7 +347,7 @@ def errors_picture(frame: pd.DataFrame, path: Path) -> None:
             edgecolors="white", linewidth=0.6,
         )  # fmt: skip
         axes.set_yticks(np.arange(len(table)) + 0.5, table.index, fontsize=8)
-        axes.set_xticks(np.arange(len(table.columns)) + 0.5, [f"{size:.0e}" for _, size in table.columns])
+        axes.set_xticks(np.arange(len(table.columns)) + 0.5, [f"{size:.0e}" for size in SIZES] * len(heads))
         axes.tick_params(length=0, labelsize=7.5, colors=INK)
         axes.invert_yaxis()
         for k, head in enumerate(heads):

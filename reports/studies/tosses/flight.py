@@ -95,7 +95,7 @@ def _arc(toss: Toss, first: int, last: int) -> tuple[Array, Array]:
     straight = toss.position[first:last].copy()
     straight[:, 2] += GRAVITY * times**2 / 2
     fit = np.linalg.lstsq(_basis(times), straight, rcond=None)[0]
-    return fit, straight - _basis(times) @ fit
+    return np.asarray(fit), straight - _basis(times) @ fit
 
 
 def _fit(box: Box, toss: Toss, first: int, last: int) -> Flight:

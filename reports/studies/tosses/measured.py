@@ -7,13 +7,14 @@ file per toss with the columns `COLUMNS`; `body.toml` states the box if it is no
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
@@ -139,8 +140,8 @@ def _archive(path: Path) -> Iterator[tuple[str, str, Array, Array, Array]]:
             f"{path}: expected the arrays first, toss, position, orientation ({reason})"
         ) from error
     for k, (start, end) in enumerate(pairwise(bounds)):
-        poses = (part[start:end].astype(float) for part in (position, orientation))
-        yield f"{path}: toss {number[k]}", f"{number[k]}", np.arange(end - start) / RATE, *poses
+        time, poses = np.arange(end - start) / RATE, orientation[start:end].astype(float)
+        yield f"{path}: toss {number[k]}", f"{number[k]}", time, position[start:end].astype(float), poses
 
 
 def _table(path: Path) -> tuple[str, str, Array, Array, Array]:
@@ -158,7 +159,7 @@ def _table(path: Path) -> tuple[str, str, Array, Array, Array]:
 def _checked(box: Box, place: str, name: str, time: Array, position: Array, orientation: Array) -> Toss:
     """The toss, if its numbers are those of a box that flies, lands and comes to rest."""
 
-    def refuse(wrong: Iterable[bool], reason: Callable[[int], str]) -> None:
+    def refuse(wrong: ArrayLike, reason: Callable[[int], str]) -> None:
         for k in np.flatnonzero(np.asarray(wrong))[:1].tolist():
             raise RefusedError(f"{place}: sample {k}: {reason(k)}")
 

@@ -42,7 +42,8 @@ def errors_picture(frame: pd.DataFrame, path: Path) -> None:
 def _panel(axes: Axes, rows: pd.DataFrame, factor: float) -> None:
     noise = factor * float(rows[rows.engine == "tracking"].value.iloc[0])
     axes.axhspan(noise / 3, noise, color=BAND, label="noise of tracking", zorder=0)
-    for (engine, profile), part in rows[rows.subject != ""].groupby(["engine", "profile"], sort=False):
+    for names, part in rows[rows.subject != ""].groupby(["engine", "profile"], sort=False):
+        engine, profile = map(str, names)
         time = part.subject.str.removesuffix(" s").astype(float).to_numpy()
         low, value, high = (factor * part[name].to_numpy(dtype=float) for name in ("low", "value", "high"))
         if engine == "floor":

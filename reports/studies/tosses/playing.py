@@ -111,12 +111,13 @@ class Identification:
         start = min(product(RESTITUTIONS, FRICTIONS), key=lambda cell: self.distance(engine, cell))
         e, mu = start[0], log(start[1])
         side, factor = RESTITUTIONS[1] / 2, log(FRICTIONS[1] / FRICTIONS[0]) / 2
-        found = minimize(
+        simplex = ((e, mu), (e + side, mu), (e, mu - factor))
+        found = minimize(  # type: ignore[call-overload]
             lambda x: self.distance(engine, (float(x[0]), exp(float(x[1])))),
-            (e, mu),
+            np.array((e, mu)),
             method="Nelder-Mead",
             bounds=((0.0, 1.0), (None, None)),
-            options={"maxfev": EVALUATIONS, "initial_simplex": ((e, mu), (e + side, mu), (e, mu - factor))},
+            options={"maxfev": EVALUATIONS, "initial_simplex": np.array(simplex)},
         )
         if found.fun == inf:
             raise AdapterError("no e and mu of the lattice was played to its end")
@@ -179,7 +180,7 @@ def errors(table: Table, flown: Flown, played: Motion) -> Errors:
     return Errors(
         since,
         np.linalg.norm(played.position - tracked.position, axis=1),
-        (played.orientation * tracked.orientation.inv()).magnitude(),
+        np.asarray((played.orientation * tracked.orientation.inv()).magnitude()),
         float(np.linalg.norm(apart[since > 0], axis=-1).mean()),
         first_impact(played.time, height, flown.start, table.noise) - flown.impact,
         _face(played.orientation) == _face(tracked.orientation),

@@ -173,7 +173,7 @@ def error_rows(base: Row, several: Sequence[Errors], width: float) -> list[Row]:
 
 def _quartiles(values: ArrayLike) -> tuple[float, float, float]:
     """Median and quartiles of the finite values."""
-    low, middle, high = np.nanquantile(values, (0.25, 0.5, 0.75)).tolist()
+    low, middle, high = np.nanquantile(np.asarray(values, dtype=float), (0.25, 0.5, 0.75)).tolist()
     return middle, low, high
 
 
