@@ -24,14 +24,31 @@ QUICK_LADDER = ("ball_snip", "bounce_e05")
 QUICK_STEPS = (1 / 60, 1 / 240, 1 / 960)
 REPEATS, QUICK_REPEATS = 3, 2
 """Rounds of timing, each with new processes."""
-PROFILES = {REFERENCE: ("paper", "balanced", "accurate")}
+PROFILES: dict[str, tuple[str, ...]] = {
+    REFERENCE: ("paper", "balanced", "accurate"),
+    "mujoco": ("recommended", "default", "accurate"),
+    "bullet": ("recommended", "maximal", "accurate"),
+    "dart": ("recommended", "accurate"),
+}
 """Profiles that are played at all steps; of an engine that is not named, its first."""
 KNOBS: dict[str, tuple[str, ...]] = {
-    "mujoco": ("solref=0.04", "solref=0.01", "solref=0.005"),
-    "bullet": ("numSolverIterations=10", "numSolverIterations=250"),
-    "dart": ("solver=pgs", "solver=nsgs"),
+    "mujoco": (
+        "solref=0.04",
+        "solref=0.005",
+        "impratio=10",
+        "noslip_iterations=10",
+        "integrator=RK4",
+    ),
+    "bullet": (
+        "numSolverIterations=10",
+        "numSolverIterations=250",
+        "constraintSolverType=dantzig",
+        "contactERP=0.02",
+        "contactProcessingThreshold=0",
+    ),
+    "dart": ("solver=pgs", "solver=nsgs", "detector=dart", "detector=ode", "split_impulse=on"),
 }
-"""Values of each engine's main knob, played at its profile's own step."""
+"""Settings that are changed one at a time in an engine's first profile, and played at all steps too."""
 FINE, FINER = 1 / 1920, 1 / 3840
 """Steps of the converged solutions and of their check [s]."""
 TRUTH_PROFILE = "accurate"
@@ -104,7 +121,7 @@ def profiles_of(engine: str) -> tuple[str, ...]:
 
 
 def measured_cells(names: Sequence[str], engines: Sequence[str], quick: bool = False) -> list[Cell]:
-    """Cells whose errors are measured: profiles at all steps, and knobs at the profile's own step."""
+    """Cells whose errors are measured: profiles and single settings at all steps, and at the own one."""
     steps = QUICK_STEPS if quick else STEPS
     cells: list[Cell] = []
     for scene in names:
@@ -114,7 +131,7 @@ def measured_cells(names: Sequence[str], engines: Sequence[str], quick: bool = F
             if engine != REFERENCE:
                 cells += grid([scene], [(engine, first)])
                 for knob in KNOBS.get(engine, ()):
-                    cells += grid([scene], [(engine, first)], changes=[f"{engine}.{knob}"])
+                    cells += grid([scene], [(engine, first)], steps=steps, changes=[f"{engine}.{knob}"])
     return list(dict.fromkeys(cells))
 
 

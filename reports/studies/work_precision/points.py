@@ -90,11 +90,12 @@ def deficit(ours: Array, theirs: Array, floor: float) -> Array:
 
 COLUMNS = (
     *("study", "scenario", "engine", "profile", "settings", "dt", "quantity", "unit"),
-    *("error", "discretisation", "model", "time", "time_low", "time_high", "front"),
+    *("error", "discretisation", "model", "time", "time_low", "time_high", "front", "own_front"),
     *("truth", "truth_width", "horizon", "outcome", "verdict", "reason", "reproduce"),
 )
 """Columns of the table. Times are in s per simulated second: the median of the rounds, and their range;
-`discretisation` is the change from the engine's own finest step, `model` the error there."""
+`discretisation` is the change from the engine's own finest step, `model` the error there; `front` is that of
+all engines, `own_front` that of the engine alone."""
 
 
 class SweptRuns:
@@ -181,11 +182,15 @@ def points(frame: pd.DataFrame, cells: Sequence[Cell], rounds: int) -> pd.DataFr
                 found.append({**base, **times, **parts, "horizon": horizon})
     table = pd.DataFrame(found, columns=list(COLUMNS))
     table.attrs["bands"] = bands
-    table["front"] = False
-    for (_, quantity), part in table[table.quantity != ""].groupby(["scenario", "quantity"]):
-        table.loc[part.index, "front"] = pareto(
-            part.time.to_numpy(), part.error.to_numpy(), QUANTITIES[str(quantity)].floor
-        )
+    measured = table[table.quantity != ""]
+    for name, keys in (
+        ("front", ["scenario", "quantity"]),
+        ("own_front", ["scenario", "quantity", "engine"]),
+    ):
+        table[name] = False
+        for (_, quantity, *_), part in measured.groupby(keys):
+            floor = QUANTITIES[str(quantity)].floor
+            table.loc[part.index, name] = pareto(part.time.to_numpy(), part.error.to_numpy(), floor)
     return table
 
 

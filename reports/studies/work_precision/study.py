@@ -151,6 +151,7 @@ def number(value: float, unit: str) -> str:
 def show(table: pd.DataFrame, console: Console) -> None:
     """Print the cheapest point of each engine that meets the usual tolerance, the fronts, and the ladder."""
     _answers(table, console)
+    _on_fronts(table, console)
     _bands(table, console)
     fronts = table.attrs.get("fronts")
     if fronts is not None and len(fronts):
@@ -202,6 +203,29 @@ def _answers(table: pd.DataFrame, console: Console) -> None:
     console.print(shown)
 
 
+MOST_OFTEN = 4
+"""Settings of an engine that are named."""
+
+
+def _on_fronts(table: pd.DataFrame, console: Console) -> None:
+    """Print of how many fronts of its engine each setting is a part, the most frequent ones."""
+    if "own_front" not in table:
+        return
+    on = table[table.own_front.astype(bool)]
+    shown = _table(
+        "\nSettings on the engine's own fronts", left=("engine",), right=("fronts",), last=("settings",)
+    )
+    for engine, part in on.groupby("engine", sort=False):
+        label = (part.profile + " " + part.settings).str.strip()
+        count = (
+            part.assign(label=label).drop_duplicates(["scenario", "quantity", "label"]).label.value_counts()
+        )
+        total = len(part.drop_duplicates(["scenario", "quantity"]))
+        texts = [f"{name} {number}" for name, number in count.head(MOST_OFTEN).items()]
+        shown.add_row(str(engine), str(total), ", ".join(texts))
+    console.print(shown)
+
+
 def _losses(fronts: pd.DataFrame, console: Console) -> None:
     won, total = int(fronts.dominates.sum()), len(fronts)
     console.print(f"\nThe reference's front dominates {won} of {total} fronts (scene, quantity, engine).")
@@ -243,18 +267,11 @@ def _log(ratio: float) -> float:
     return log(ratio) if 0 < ratio < inf else inf
 
 
-STYLES: dict[str, Any] = {"paper": ":", "balanced": "-", "accurate": "--"}
-"""Line styles of the reference's profiles; others are solid."""
-FRONT = "#bbbbbb"
+FRONT = "#b5b5b5"
+"""Colour of the reference's front and points."""
 MOST_ROWS = 6
 """Scenes of one picture; more go into further files."""
-HOLLOW: dict[str, Any] = {
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 4.5,
-    "markerfacecolor": "white",
-    "markeredgecolor": INK,
-}
+POINT: dict[str, Any] = {"linestyle": "none", "markersize": 3.0, "markeredgewidth": 0, "alpha": 0.35}
 TOLERANCE: dict[str, Any] = {"color": PALE, "linestyle": (0, (1, 2))}
 
 
@@ -289,8 +306,11 @@ def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -
             axes.set_title(f"{quantity}{'' if unit == '1' else f' [{unit}]'}", fontsize=10, color=INK)
         for axes in grid[-1]:
             axes.set_xlabel("wall time per simulated second [s]", color=INK)
-        drawn.legend(handles=_legend(table), loc="outside lower center", ncols=4, frameon=False)
-        drawn.suptitle("Error over time: lower left is better", color=INK)
+        drawn.legend(handles=_legend(table), loc="outside lower center", ncols=6, frameon=False)
+        drawn.suptitle(
+            "Error over time, the front of each engine over its steps and settings: lower left is better",
+            color=INK,
+        )
 
 
 def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str) -> None:
@@ -302,13 +322,15 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str) -> None:
         return
     floor = QUANTITIES[quantity].floor
     part = part.assign(drawn=part.error.clip(lower=floor))
-    front = part[part.front].sort_values("time")
-    axes.step(front.time, front.drawn, where="post", color=FRONT, linewidth=4, zorder=1)
-    for (engine, profile), line in part[part.settings == ""].groupby(["engine", "profile"], sort=False):
-        _line(axes, line.sort_values("dt"), str(engine), str(profile))
-    for engine, changed in part[part.settings != ""].groupby("engine", sort=False):
-        look = {**HOLLOW, "marker": marker_of(str(engine)), "markeredgecolor": color_of(str(engine))}
-        axes.plot(changed.time, changed.drawn, zorder=3, **look)
+    for engine, mine in part.groupby("engine", sort=False):
+        front = mine[mine.own_front].sort_values("time")
+        color, wide = _look(str(engine))
+        axes.plot(mine.time, mine.drawn, marker=marker_of(str(engine)), color=color, zorder=2, **POINT)
+        axes.step(front.time, front.drawn, where="post", color=color, linewidth=wide, zorder=3)
+        line = {"color": color, "marker": marker_of(str(engine)), "linestyle": "none", "markersize": 3.5}
+        axes.plot(front.time, front.drawn, zorder=4, **line)
+        # the band: from the least to the largest of the rounds
+        axes.hlines(front.drawn, front.time_low, front.time_high, color=color, linewidth=2.5, alpha=0.3)
     low, high = part.drawn.min(), part.drawn.max()
     axes.set_ylim(max(low, floor) / 3, max(high * 3, low * 30))
     axes.axhline(QUANTITIES[quantity].tolerance, linewidth=0.8, zorder=0, **TOLERANCE)
@@ -319,25 +341,17 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str) -> None:
         axes.text(0.02, 0.98, text, transform=axes.transAxes, va="top", fontsize=6.5, color=PALE)
 
 
-def _line(axes: Axes, line: pd.DataFrame, engine: str, profile: str) -> None:
-    axes.plot(line.time, line.drawn, **_look(engine, profile), markersize=3.5, linewidth=1.2, zorder=4)
-    # the band: from the least to the largest of the rounds
-    color = color_of(engine)
-    axes.hlines(line.drawn, line.time_low, line.time_high, color=color, linewidth=2.5, alpha=0.3, zorder=2)
-
-
-def _look(engine: str, profile: str) -> dict[str, Any]:
-    style = STYLES.get(profile, "-") if engine == REFERENCE else "-"
-    return {"color": color_of(engine), "marker": marker_of(engine), "linestyle": style}
+def _look(engine: str) -> tuple[str, float]:
+    """Colour and width of an engine's front."""
+    return (FRONT, 4.0) if engine == REFERENCE else (color_of(engine), 1.4)
 
 
 def _legend(table: pd.DataFrame) -> list[Line2D]:
-    lines = table[table.settings == ""]
-    handles = [
-        Line2D([], [], label=f"{engine}, {profile}", markersize=4, **_look(engine, profile))
-        for engine, profile in dict.fromkeys(zip(lines.engine, lines.profile))
-    ]
-    handles.append(Line2D([], [], label="another value of the main knob", **HOLLOW))
-    handles.append(Line2D([], [], color=FRONT, linewidth=4, label="Pareto front"))
+    handles = []
+    for engine in dict.fromkeys(table.engine):
+        color, wide = _look(engine)
+        marker = {"marker": marker_of(engine), "markersize": 4}
+        handles.append(Line2D([], [], label=f"{engine}: own front", color=color, linewidth=wide, **marker))
+    handles.append(Line2D([], [], label="other settings", color=PALE, marker="o", **POINT))
     handles.append(Line2D([], [], label="tolerance", **TOLERANCE))
     return handles
