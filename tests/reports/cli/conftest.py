@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from touchstone.scenarios.families import ball_snip as snip
 
 
 @pytest.fixture
-def quick(monkeypatch, registry):
+def handed_over(monkeypatch, registry):
     """Children that hand over the session's recordings in place of playing."""
 
     def play(self, jobs, progress):
@@ -25,6 +26,28 @@ def quick(monkeypatch, registry):
         return outcomes
 
     monkeypatch.setattr(study.Children, "play", play)
+
+
+@pytest.fixture
+def quick(handed_over, monkeypatch):
+    """The same, and no pictures."""
+    for name in ("write_picture", "draw", "draw_forces"):
+        monkeypatch.setattr(study, name, lambda *_: None)
+
+
+@pytest.fixture(scope="module")
+def stored_run(tmp_path_factory):
+    """Copy the folder of a run into a working folder; the first time, play it."""
+    kept = tmp_path_factory.mktemp("stored") / "run"
+
+    def copy(play, folder):
+        if not kept.exists():
+            play()
+            shutil.copytree(folder, kept)
+        elif not folder.exists():
+            shutil.copytree(kept, folder)
+
+    return copy
 
 
 @pytest.fixture

@@ -114,7 +114,7 @@ def test_a_reader_that_stops_and_a_full_output_have_their_codes():
 )
 def test_results_outlive_their_reader(tmp_path, redirected, code, said):
     """Results are stored where standard output is closed or full while scenes are shown; the code says so."""
-    call = f'"{sys.executable}" -c "{CALL}" {" ".join(RUN)} --out r'
+    call = f'"{sys.executable}" -c "{CALL}" {" ".join(("run", "fall", *RUN[2:]))} --out r'
     line = f"set -o pipefail; {call} {redirected}"
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, [text for text in done.stderr.splitlines() if text.startswith("touch")]) == (
