@@ -65,7 +65,7 @@ FOLDER = "TOUCHSTONE_TEST_SESSION"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the folder of the session before workers start, which inherit its name and compute in one thread."""
+    """Make the folder of the session, whose name workers inherit; they compute in one thread."""
     if not hasattr(config, "workerinput"):
         os.environ[FOLDER] = tempfile.mkdtemp(prefix="touchstone-tests-")
         os.environ.update(dict.fromkeys(THREADS, "1"))

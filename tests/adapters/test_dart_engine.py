@@ -123,6 +123,13 @@ def test_drive_applies_what_it_reports() -> None:
         np.testing.assert_allclose(gained[-1][part], given[part], atol=error * np.abs(given[part]).max())
 
 
+def test_filter() -> None:
+    """Let fixed bodies and the links of a hand pass through each other."""
+    slab = dataclasses.replace(FLOOR, name="slab", position=(0.0, 0.0, -0.15))
+    assert last(scene(FLOOR, slab, dataclasses.replace(BALL, position=(0.0, 0.0, 0.5))), 2).contact_count == 0
+    assert last(hand_scene(), 2).contact_count == 0
+
+
 def test_settings() -> None:
     """Read back that sleeping and damping are off, limits on, and which detector was chosen."""
     # the engine's own servo is a damper on every hinge
