@@ -104,6 +104,7 @@ def session(tmp_path):
         cache = "cacheprovider" if cached else "no:cacheprovider"
         code = pytest.main(["-p", "touchstone.reports.pytest_plugin", "-rA", "-p", cache, *arguments])
         sys.stdout.flush()
+        sys.stderr.flush()
         os._exit(code)
 
     return run
