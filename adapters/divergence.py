@@ -40,7 +40,7 @@ class Watch:
         self._inertia = np.array([body.inertia for body in scenario.bodies]) * self._moving[:, None, None]
         self._center = np.array([body.center_of_mass for body in scenario.bodies])
         self._weight = self._mass * self._simulated
-        self._largest_inertia = np.linalg.norm(self._inertia, axis=(1, 2))  # at least the largest moment
+        self._largest_inertia = np.linalg.eigvalsh(self._inertia)[:, -1]  # the largest moment
         self._offset = self._center[self._simulated].any()
         sizes = [max(map(extent, body.pieces), default=1.0) for body in scenario.bodies]
         self._arm = np.minimum(sizes, 1.0)  # radius at which a rotation's speed is judged [m]

@@ -26,6 +26,7 @@ from touchstone.adapters.engines.reference.settings import configure
 from touchstone.adapters.recorder import record, scenario_json
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.workers.process import THREADS
 from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.counters import COUNTERS
 from touchstone.reference_impl.core.kernel_cache import CACHE_FOLDER
@@ -57,16 +58,17 @@ from touchstone.scenarios.solids import box_inertia, sphere_inertia
 # `make test` draws the same cases every time; `make test-all` draws new ones
 hypothesis_settings.register_profile("repeatable", derandomize=True)
 
-pytest_plugins = ["duration_budget"]
+pytest_plugins = ["duration_budget", "forked_children"]
 FRAME = 1 / 60
 FOLDER = "TOUCHSTONE_TEST_SESSION"
 """Environment variable with the folder that the workers of a test session share."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the folder of the session, before workers start and inherit its name."""
+    """Make the folder of the session, whose name workers inherit; they compute in one thread."""
     if not hasattr(config, "workerinput"):
         os.environ[FOLDER] = tempfile.mkdtemp(prefix="touchstone-tests-")
+        os.environ.update(dict.fromkeys(THREADS, "1"))
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

@@ -91,7 +91,7 @@ def test_a_run_needs_no_guard_and_no_free_names(tmp_path: Path, way: str):
     assert (done.stdout, done.returncode) == ("(1, 3) True\n", 0), done.stderr
 
 
-def test_a_saved_run_is_loaded_again(tmp_path: Path):
+def test_a_saved_run_is_loaded_again(tmp_path: Path, forked):
     """With `out` the folder stays, and `touchstone.load` reads its recordings."""
     results = touchstone.run(["fall"], ["reference"], ["balanced"], out=tmp_path / "kept")
     recording = touchstone.load(tmp_path / "kept" / "recordings" / "fall-reference-balanced.npz")

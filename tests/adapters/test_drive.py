@@ -61,21 +61,6 @@ def steiner(mass, center):
     return np.array(TENSOR) + mass * (center @ center * np.eye(3) - np.outer(center, center))
 
 
-def test_on_target_there_is_neither_force_nor_torque(drive):
-    """A body that is where and as fast as its tracker feels nothing, under gravity as well."""
-    wrench = drive.wrench(0, np.array([1.0, 2.0, 3.0]), np.array(TURN), np.zeros(3), np.zeros(3))
-    assert np.concatenate(wrench) == pytest.approx(np.zeros(6), abs=ROUNDING)
-    assert drive.hinge_torques(0, np.zeros(1), np.zeros(1)) == pytest.approx([0.0], abs=ROUNDING)
-
-
-def test_force_of_an_offset_in_closed_form(drive):
-    """The force is K times the missing way plus R times the missing velocity, in world axes (Eq. 6)."""
-    way, velocity = np.array([0.01, -0.02, 0.03]), np.array([0.4, 0.5, -0.6])
-    force, torque = drive.wrench(7, np.array([1.0, 2.0, 3.0]) - way, np.array(TURN), -velocity, np.zeros(3))
-    assert force == pytest.approx(STIFFNESS * way + DAMPING * velocity, rel=1e-10)  # of 3 m, 1e-2 is left
-    assert torque == pytest.approx(np.zeros(3), abs=ROUNDING)
-
-
 def test_torque_of_a_turn_in_closed_form(drive):
     """The torque is I (w^2 theta + 2 w omega) with I about the root's origin, turned with the body."""
     turn, omega = np.array([0.1, -0.2, 0.15]), np.array([1.0, 2.0, -3.0])

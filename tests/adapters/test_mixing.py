@@ -11,13 +11,11 @@ from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.material_combine import (
     MIX_TOLERANCE,
     check_range,
-    frictions,
     minimum_factors,
     product_factors,
     restitutions,
 )
 from touchstone.adapters.registry import ENGINES
-from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
@@ -54,25 +52,6 @@ def mixed(rule, scenario):
     return [mix(factors[a], factors[b]) for a, b in wanted], list(wanted.values())
 
 
-def test_factors_of_a_product_in_closed_form():
-    """One pair splits evenly; three pairs have the one solution f_p = sqrt(pq pr / qr)."""
-    scenario = crowd("ab", ab=0.36)
-    assert product_factors("x", "e", scenario, restitutions(scenario)) == pytest.approx(
-        [0.6, 0.6], rel=ROUNDING
-    )
-    scenario = crowd("abc", ab=0.1, ac=0.2, bc=0.4)
-    expected = [(0.1 * 0.2 / 0.4) ** 0.5, (0.1 * 0.4 / 0.2) ** 0.5, (0.2 * 0.4 / 0.1) ** 0.5]
-    factors = product_factors("x", "e", scenario, restitutions(scenario))
-    assert factors == pytest.approx(expected, rel=ROUNDING)
-
-
-def test_factors_of_a_minimum_in_closed_form():
-    """A body's factor is the largest coefficient among its pairs."""
-    scenario = crowd("abc", ab=0.1, ac=0.1, bc=0.4)
-    factors = minimum_factors("x", "e", scenario, restitutions(scenario))
-    assert factors == [0.1, 0.4, 0.4]
-
-
 SOLVABLE = {
     "all zero": crowd("abc"),
     "one body bounces off nothing": crowd("abc", bc=0.3),
@@ -89,19 +68,6 @@ def test_solvable_tables_are_solved(rule, name):
     got, wanted = mixed(rule, SOLVABLE[name])
     assert got == pytest.approx(wanted, rel=ROUNDING)
     assert [g == 0 for g in got] == [w == 0 for w in wanted]
-
-
-@pytest.mark.parametrize("effects", [("gravity",), ("gravity", "friction", "restitution")])
-@pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("wanted", [restitutions, frictions])
-def test_the_gallery_is_solved(rule, wanted, effects):
-    """The coefficients of every scene of the catalogue have factors under both rules."""
-    solve, mix = RULES[rule]
-    for scenario in catalogue().values():
-        pairs = wanted(replace(scenario, effects=effects))
-        factors = solve("test", "coefficient", scenario, pairs)
-        for (a, b), value in pairs.items():
-            assert mix(factors[a], factors[b]) == pytest.approx(value, abs=MIX_TOLERANCE)
 
 
 @pytest.mark.parametrize(
@@ -127,16 +93,6 @@ def test_many_missed_pairs_are_counted():
     scenario = crowd("aaabbb", aa=0.9, ab=0.1, bb=0.9)
     with pytest.raises(Unsupported, match=r"p-s, p-t, p-u, q-s and 5 more$"):
         mixed("minimum", scenario)
-
-
-def test_random_products_are_recovered():
-    """Tables made from random factors are solved, whatever the sizes."""
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        f = dict(zip("abcdef", rng.uniform(0.05, 1.0, 6)))
-        table = {a + b: f[a] * f[b] for a in f for b in f if a <= b}
-        got, wanted = mixed("product", crowd("abcdef", **table))
-        assert got == pytest.approx(wanted, rel=1e-10)  # six logarithms, of condition below 10
 
 
 def meeting(*materials):
@@ -166,23 +122,6 @@ TABLE_SCENES = {
     # one more wooden body beside a hand and metal is one too many, in any order
     ("metal", "human", "wood", "wood"): {"product e", "product mu"},
 }
-
-
-@pytest.mark.parametrize("materials", TABLE_SCENES, ids="-".join)
-def test_table_1_is_solved_where_it_can_be(materials):
-    """Some scenes of the method's materials have numbers per body under a rule, some have none."""
-    scenario, refused = meeting(*materials), set()
-    for kind, wanted in (("e", restitutions(scenario)), ("mu", frictions(scenario))):
-        for rule, (solve, mix) in RULES.items():
-            try:
-                factors = solve("test", kind, scenario, wanted)
-            except Unsupported:
-                refused.add(f"{rule} {kind}")
-                continue
-            for (a, b), value in wanted.items():
-                assert mix(factors[a], factors[b]) == pytest.approx(value, abs=MIX_TOLERANCE)
-    # no engine takes the smaller restitution
-    assert refused - {"minimum e"} == TABLE_SCENES[materials]
 
 
 MIXES = {"reference": set(), "mujoco": set(), "bullet": {"product e", "product mu"}}

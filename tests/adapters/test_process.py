@@ -19,12 +19,17 @@ def test_ctrl_c_that_another_thread_receives_is_held_back() -> None:
     other, done = threading.Event(), []
     thread = threading.Thread(target=other.wait)
     thread.start()
-    try:
-        with pytest.raises(KeyboardInterrupt), interrupt_held():  # noqa: PT012
+
+    def start() -> None:
+        with interrupt_held():
             signal.pthread_kill(thread.ident, signal.SIGINT)
             other.set()
             thread.join()
             done.append("started")
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            start()
     finally:
         other.set()
         signal.signal(signal.SIGINT, before)

@@ -17,7 +17,7 @@ from touchstone.adapters.engines.reference.settings import (
     describe,
 )
 from touchstone.adapters.knobs import Choice, Range, SettingError
-from touchstone.adapters.registry import ENGINES, require_profile
+from touchstone.adapters.registry import ENGINES
 from touchstone.reference_impl.core.state_dtype import STATE
 
 WHOLE = Range("count", 1, 9, "", ("1", "1", "1"), "a count")
@@ -72,22 +72,6 @@ def test_changes_have_one_spelling() -> None:
     assert Settings("balanced", 1 / 60, ("depth=exact",)).label == "balanced, depth=exact"
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("removel=eq1", "unknown setting 'removel'; did you mean 'removal'. .valid: v_rest, "),
-        ("removal=eq2", "removal: found 'eq2'; did you mean 'eq1'. .valid: eq1|least_motion"),
-        ("event_rows=1e10", "event_rows: found '1e10' .valid: whole, 0 to 1e"),
-        ("event_rows=inf", "event_rows: found 'inf'"),
-        ("event_rows=", "event_rows: found ''"),
-    ],
-)
-def test_what_cannot_be_is_refused(text: str, said: str) -> None:
-    """Name the setting, what was found, and what is valid."""
-    with pytest.raises(SettingError, match=said):
-        SETTINGS.parse(text)
-
-
 def test_numbers_are_held_to_their_kind() -> None:
     """Take counts that are whole, speeds that are not, and neither beyond its bounds."""
     assert (WHOLE.number("9.0"), SPEED.number("0.25")) == (9, 0.25)
@@ -95,16 +79,6 @@ def test_numbers_are_held_to_their_kind() -> None:
     for setting, text in ((WHOLE, "0"), (WHOLE, "2.5"), (SPEED, "0.51"), (SPEED, "-1e-9"), (SPEED, "nan")):
         with pytest.raises(SettingError):
             setting.number(text)
-
-
-def test_one_setting_takes_one_value() -> None:
-    """Refuse two values of one setting, and a profile that is none."""
-    with pytest.raises(SettingError, match="depth: given as depth=certified and depth=exact"):
-        SETTINGS.changes("balanced", ["depth=certified", "depth=exact"])
-    with pytest.raises(
-        SettingError, match=f"no profile 'papr'; valid: {', '.join(COLUMNS)}, {EQUAL}, {PAPER}"
-    ):
-        SETTINGS.changes("papr", [])
 
 
 def test_paper_has_the_numbers_of_the_scene_alone(lab) -> None:
@@ -119,16 +93,3 @@ def test_paper_has_the_numbers_of_the_scene_alone(lab) -> None:
     manifest = ReferenceEngine().build(lab.scene(lab.ball()), Settings(PAPER, 1 / 60)).describe()
     assert "depth" not in manifest.settings
     assert manifest.settings["attraction time"] == 0.1
-
-
-def test_a_world_says_how_it_was_changed(lab) -> None:
-    """Name the change in the manifest beside the profile, and read the setting back from the arrays."""
-    settings = Settings("balanced", 1 / 60, ("depth=exact",))
-    manifest = ReferenceEngine().build(lab.scene(lab.ball()), settings).describe()
-    assert (manifest.profile, manifest.settings["depth"]) == ("balanced, depth=exact", "exact")
-
-
-def test_other_engines_refuse_them() -> None:
-    """Refuse changed settings where an engine would pass over them in silence."""
-    with pytest.raises(SettingError, match="dart: unknown setting 'depth'"):
-        require_profile("dart", Settings("recommended", 1 / 1020, ("depth=exact",)))

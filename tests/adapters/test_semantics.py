@@ -16,11 +16,8 @@ from touchstone.adapters.registry import ACCURATE, ENGINES
 from touchstone.reports.studies.calibration.probes import (
     G,
     Probe,
-    friction_of,
     motion_of,
-    rebound_of,
     restitution_of,
-    scene,
 )
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
@@ -28,87 +25,11 @@ from touchstone.scenarios.solids import box_inertia, sphere_inertia
 ENGINE_NAMES = [name for name in ENGINES if name != "reference"]
 
 
-def frictions(engine, name: str, profile: str, *, pair: str = "box-box", mu: float = 0.1) -> list[float]:
-    """Achieved over asked friction along an axis and at 45 degrees."""
-    probe = Probe(pair, "friction", mu, headings=(0.0, 45.0))
-    dt = ENGINES[name].profiles[profile]
-    motion = motion_of(engine, probe, Settings(profile, dt))
-    bodies = range(len(probe.headings))
-    found = [friction_of(motion.velocity[:, k, :2], motion.surface[:, k, :2], G, dt) for k in bodies]
-    return [value / mu for value in found]
-
-
 def restitutions(engine, settings: Settings, e: float, *speeds: float) -> list[float]:
     """What a ball returns at approach speeds, landing in the middle of a step."""
     motion = motion_of(engine, Probe("sphere-box", "restitution", e, speeds, (0.5,)), settings)
     bodies = zip(motion.gap.T, motion.velocity[..., 2].T)
     return [restitution_of(gap, rate, G, settings.dt) for gap, rate in bodies]
-
-
-@pytest.mark.parametrize(
-    ("name", "profile", "diagonal", "slack"),
-    [
-        ("dart", "recommended", 2**0.5, 1e-3),  # each of two directions may have all of mu
-        ("dart", ACCURATE, 1.0, 1e-3),
-        ("mujoco", "default", 0.5**0.5, 0.01),  # a pyramid with its edges over the axes
-        ("mujoco", "recommended", 1.0, 0.01),
-        ("mujoco", ACCURATE, 1.0, 0.01),
-        ("bullet", "recommended", 0.917, 0.01),  # points of a face slide in directions of their own
-        ("bullet", ACCURATE, 0.917, 0.01),
-    ],
-)
-def test_friction_of_a_box_on_the_diagonal(registry, name, profile, diagonal, slack):
-    """A box slides by all of mu along an axis, and by the engine's own share of it at 45 degrees."""
-    along, across = frictions(registry.engine(name), name, profile)
-    assert along == pytest.approx(1.0, abs=0.01)  # soft contacts settle to a percent
-    assert across == pytest.approx(diagonal, abs=slack)
-
-
-def test_bullet_keeps_a_ball_within_the_cone(registry):
-    """A ball under Bullet slides by all of mu along any heading: it has one contact point."""
-    engine = registry.engine("bullet")
-    for value in frictions(engine, "bullet", "recommended", pair="sphere-box", mu=0.5):
-        assert value == pytest.approx(1.0, abs=1e-3)
-
-
-def test_dart_bounces_from_a_tenth_of_a_metre_per_second_on(registry):
-    """DART has no bounce unless e v > 0.1 m/s, where v has fallen on for half a step and holds one more."""
-    engine, settings = registry.engine("dart"), registry.settings("dart")
-    for e in (0.5, 1.0):
-        least = 0.1 / e - 1.5 * G * settings.dt
-        slow, fast = restitutions(engine, settings, e, 0.98 * least, 1.02 * least)
-        assert slow == 0.0
-        assert fast > 0.9 * e
-
-
-@pytest.mark.parametrize(("rate", "low", "high"), [(60, 1.05, 1.12), (1000, 0.2, 0.27), (4000, 0.0, 0.01)])
-def test_bullet_loses_restitution_with_the_step(registry, rate, low, high):
-    """e = 1 from half a metre: too much at long steps, nothing at short ones, for contacts brake ahead."""
-    probe = Probe("sphere-box", "drop", 1.0, phases=(0.0,))
-    motion = motion_of(registry.engine("bullet"), probe, Settings("recommended", 1 / rate))
-    assert low <= rebound_of(motion.gap[:, 0]) <= high
-
-
-def test_bullet_brakes_no_compound(registry):
-    """A floor of one shifted piece is a compound to Bullet, and does not brake a ball ahead of contact."""
-    settings = Settings("recommended", 1 / 4000)
-    made = scene(Probe("sphere-box", "drop", 1.0, phases=(0.0,)), settings.dt)
-    floor = made.bodies[0]
-    shifted = replace(
-        floor, position=(0.0, 0.0, 0.0), pieces=(replace(floor.pieces[0], position=(0, 0, -1.0)),)
-    )
-    kept = record(registry.engine("bullet"), replace(made, bodies=(shifted, *made.bodies[1:])), settings)
-    plain = record(registry.engine("bullet"), made, settings)
-    returned = [rebound_of(run.position[:, 1, 2] - 0.1) for run in (kept, plain)]
-    assert returned[0] == pytest.approx(1.04, abs=0.04)  # position correction adds up to 8 %
-    assert returned[1] < 0.01
-
-
-def test_bullets_lowest_bounce(registry):
-    """A ball of 0.3 m/s that crosses Bullet's margin in two steps returns nothing, one of 0.4 m/s a third."""
-    slow, fast = restitutions(registry.engine("bullet"), registry.settings("bullet"), 1.0, 0.3, 0.4)
-    assert slow < 0.1
-    assert 0.25 < fast < 0.6
 
 
 @pytest.mark.parametrize(("name", "largest"), [("dart", 0.011), ("bullet", 0.022), ("mujoco", 0.025)])
@@ -343,15 +264,6 @@ def mujoco_ball(option: str = ""):
     return mujoco, model, mujoco.MjData(model)
 
 
-@pytest.mark.parametrize(("option", "error"), [("", G * 0.01 / 2), ('integrator="RK4"', 0.0)])
-def test_mujoco_falls_to_first_order_or_exactly(option, error):
-    """In a second of free fall Euler loses g h T / 2, and RK4 nothing."""
-    mujoco, model, data = mujoco_ball(option)
-    for _ in range(100):
-        mujoco.mj_step(model, data)
-    assert data.qpos[2] == pytest.approx(-G / 2 - error, abs=1e-12)
-
-
 def test_mujoco_resets_silently():
     """By default a bad state is replaced by the initial one, with a warning that is only counted."""
     mujoco, model, data = mujoco_ball()
@@ -359,20 +271,3 @@ def test_mujoco_resets_silently():
     mujoco.mj_step(model, data)
     assert data.qpos[0] == 0.0
     assert data.warning.number[int(mujoco.mjtWarning.mjWARN_BADQVEL)] == 1
-
-
-@pytest.mark.parametrize(("cone", "lift"), [("pyramidal", 0.0150), ("elliptic", 0.0220)])
-def test_mujoco_lifts_a_sliding_box(cone, lift):
-    """A cube of 10 cm at 6 m/s leaves the plane by centimetres: how far depends on the step, here 1 ms."""
-    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-    model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><option timestep="0.001" cone="{cone}"/><default><geom friction=".5"/></default><worldbody>'
-        '<geom type="plane" size="50 50 .1"/><body pos="0 0 .05"><freejoint/>'
-        '<geom type="box" size=".05 .05 .05" mass="1"/></body></worldbody></mujoco>'
-    )
-    data = mujoco.MjData(model)
-    data.qvel[0], highest = 6.0, 0.0
-    for _ in range(1500):
-        mujoco.mj_step(model, data)
-        highest = max(highest, data.qpos[2] - 0.05)
-    assert highest == pytest.approx(lift, abs=5e-4)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from touchstone.adapters import step_log
-from touchstone.adapters.contract import AdapterError, Settings, State
-from touchstone.adapters.recorder import Player
+from touchstone.adapters.contract import State
 from touchstone.adapters.vector_products import cross, turned
 from touchstone.scenarios.catalogue import catalogue
 
@@ -101,15 +100,3 @@ def test_work_of_posed_bodies_is_unknown():
     assert np.isnan(work).all()
     assert np.isnan(impulse).all()
     assert len(log.contacts()) == sum(state.contact_count for state in after)
-
-
-def test_a_replaced_array_is_named():
-    """An engine that replaces an array of the state instead of writing into it ends with its name."""
-    scenario = catalogue()["fall"]
-
-    class Replacing:
-        def read(self, state):
-            state.joint_rate = state.joint_rate.copy()
-
-    with pytest.raises(AdapterError, match=r"replaces state\.joint_rate; write into it"):
-        Player(Replacing(), scenario, Settings("any", DT))

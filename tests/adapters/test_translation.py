@@ -12,12 +12,10 @@ from touchstone.adapters.engines.reference.compiling import small_world
 from touchstone.adapters.engines.reference.reference_world import (
     PAIRS_AT_LEAST,
     PAIRS_PER_PIECE,
-    matrix,
     pair_capacity,
     translate,
 )
 from touchstone.adapters.engines.reference.settings import configure
-from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.kernel import entry_point
 from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY
 from touchstone.reference_impl.frame import prepare, step
@@ -61,87 +59,6 @@ def world(lab):
     )  # fmt: skip
     scenario = lab.scene(lab.ground(), body, e=0.4, mu=0.3)
     return translate(scenario), scenario
-
-
-def test_bodies_keep_their_state(world):
-    """Mass, inertia, pose, velocity, material and kind are the scenario's; the centre is in the world."""
-    arrays, scenario = world
-    row, body = arrays.bodies[1], scenario.bodies[1]
-    assert (row["kind"], row["driver"], row["mass"], row["inverse_mass"]) == (
-        conventions.SIMULATED, -1, 2.0, 0.5,
-    )  # fmt: skip
-    assert tuple(row["velocity"]) == body.linear_velocity
-    assert tuple(row["omega"]) == body.angular_velocity
-    assert tuple(row["orientation"]) == TURN
-    assert row["inertia"] == pytest.approx(np.array(body.inertia), rel=ROUNDING)
-    # the columns: x goes to z, y to -x, z to -y
-    turned = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-    assert row["rotation"] == pytest.approx(turned, abs=ROUNDING)
-    assert row["center"] == pytest.approx(body.position + row["rotation"] @ body.center_of_mass, abs=ROUNDING)
-    ground = arrays.bodies[0]
-    assert (ground["kind"], ground["inverse_mass"]) == (conventions.FIXED, 0.0)
-
-
-def test_pieces_keep_their_shape_and_vertices(world):
-    """Each shape has its kind and size; each hull finds its own vertices in the common table."""
-    arrays, scenario = world
-    rows = arrays.pieces[1:]
-    kinds = ("SPHERE", "HULL", "BOX", "ELLIPSOID", "CAPSULE", "HULL")
-    assert rows["kind"].tolist() == [getattr(conventions, kind) for kind in kinds]
-    assert (rows["body"] == 1).all()
-    assert rows["radius"][0] == 0.2
-    assert tuple(rows["size"][2]) == (0.1, 0.2, 0.3)
-    assert tuple(rows["size"][3]) == (0.3, 0.2, 0.1)
-    assert (rows["radius"][4], tuple(rows["size"][4])) == (0.1, (0.0, 0.0, 0.4))
-    for row, piece in zip(rows, scenario.bodies[1].pieces):
-        assert tuple(row["position"]) == piece.position
-        assert row["rotation"] == pytest.approx(matrix(piece.orientation), abs=ROUNDING)
-        if isinstance(piece.shape, Hull):
-            own = arrays.vertices["position"][row["first_vertex"] :][: row["vertex_count"]]
-            assert tuple(map(tuple, own)) == piece.shape.vertices
-
-
-def test_coefficients_are_per_pair_of_materials(world):
-    """The table of coefficients is symmetric and holds the pairs that can meet; effects switch them off."""
-    arrays, scenario = world
-    wood = arrays.bodies["material"]
-    assert arrays.state[0]["restitution"][wood[0], wood[1]] == 0.4
-    assert arrays.state[0]["friction_coefficient"][wood[0], wood[1]] == 0.3
-    off = translate(replace(scenario, effects=("gravity",))).state[0]
-    assert not off["restitution"].any()
-    assert not off["friction_coefficient"].any()
-
-
-def test_the_gallery_reads_back():
-    """Every pair that can touch in every scene reads back its own coefficients."""
-    for scenario in catalogue().values():
-        arrays = translate(scenario)
-        material = arrays.bodies["material"]
-        state = arrays.state[0]
-        for a, b in scenario.touching_pairs():
-            for one, two in ((a, b), (b, a)):
-                place = material[one], material[two]
-                read = state["restitution"][place], state["friction_coefficient"][place]
-                assert read == scenario.pair_coefficients(a, b)
-
-
-def test_driven_bodies_stand_where_their_tracker_is():
-    """Drivers and hinges start on their keyframes, with the mass of all links, parents before children."""
-    scenario = catalogue()["ball_snip"]
-    arrays, tracker = translate(scenario), catalogue()["ball_snip"].trackers[0]
-    driver = arrays.drivers[0]
-    assert driver["mass"] == pytest.approx(0.4, rel=ROUNDING)
-    assert (driver["stiffness"], driver["damping"]) == (tracker.stiffness, tracker.damping)
-    for prefix in ("", "target_", "old_target_"):
-        assert driver[f"{prefix}position"] == pytest.approx(tracker.positions[0], abs=ROUNDING)
-    for name in ("angle", "target_angle", "free_angle"):
-        assert arrays.joints[name] == pytest.approx(tracker.angles[0], abs=ROUNDING)
-    placed = {int(driver["root"])}
-    for row, name in zip(arrays.joints, tracker.joints):
-        assert int(row["parent"]) in placed
-        placed.add(int(row["child"]))
-        assert scenario.bodies[row["child"]].name == name
-    assert set(np.flatnonzero(arrays.bodies["driver"] == 0)) == placed
 
 
 def test_hinges_of_two_drivers_are_told_apart(lab):

@@ -68,6 +68,7 @@ def test_both_workflows_call_the_same():
     assert [line for line in ours if line.startswith(("touchstone run", "touchstone compare"))] == steps
 
 
+@pytest.mark.slow
 @pytest.mark.engines
 @pytest.mark.skipif(not installed("mujoco"), reason="the recipe plays MuJoCo")
 def test_the_recipe_is_green_and_red(tmp_path):

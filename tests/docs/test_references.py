@@ -61,41 +61,35 @@ NAME_IN_FILE = re.compile(r"`(\w+)`(?: in |, )`([\w/]+\.py)`|`([\w/]+\.py)::(\w+
 HEADING = re.compile(r"(?:\]\(|`|docs/)?\b([\w/]+\.md)[)`]*,? \(?\"([^\"]+)\"")
 
 
-def texts_of(path: Path) -> Iterator[tuple[int, str]]:
-    """Docstrings and comments of a module with their lines; of a page its paragraphs."""
-    source = path.read_text("utf-8")
-    if path.suffix != ".py":
+@cache
+def parts_of(path: Path) -> tuple[list[tuple[int, str]], set[str]]:
+    """Docstrings and comments of a module with their lines, of a page its paragraphs; and all other words."""
+    source, texts = path.read_text("utf-8"), []
+    if path.suffix == ".py":
+        for node in ast.walk(ast.parse(source)):
+            for one in getattr(node, "body", None) if isinstance(getattr(node, "body", None), list) else ():
+                if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant):
+                    texts.append((one.lineno, str(one.value.value)))
+        told, kept = {text for _, text in texts}, []
+        for token in tokenize.generate_tokens(io.StringIO(source).readline):
+            if token.type == tokenize.COMMENT:
+                texts.append((token.start[0], token.string))
+            elif not token.string.startswith('"""') or token.string[3:-3] not in told:
+                kept.append(token.string)
+        source = " ".join(kept)
+    else:
         line = 1
         for paragraph in source.split("\n\n"):
-            yield line, paragraph
+            texts.append((line, paragraph))
             line += paragraph.count("\n") + 2
-        return
-    for node in ast.walk(ast.parse(source)):
-        for one in getattr(node, "body", None) if isinstance(getattr(node, "body", None), list) else ():
-            if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant):
-                yield one.lineno, str(one.value.value)
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            yield token.start[0], token.string
-
-
-@cache
-def words_of(path: Path) -> set[str]:
-    """Words of a file that are no docstring and no comment."""
-    source = path.read_text("utf-8")
-    if path.suffix == ".py":
-        told = {text for _, text in texts_of(path)}
-        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-        kept = [one.string for one in tokens if one.type != tokenize.COMMENT]
-        source = " ".join(one for one in kept if not one.startswith('"""') or one[3:-3] not in told)
-    return set(re.findall(r"[A-Za-z_]\w*", source))
+    return texts, set(re.findall(r"[A-Za-z_]\w*", source))
 
 
 @cache
 def all_words() -> set[str]:
     """Words of all sources and tables, and names of others."""
     kinds = (".py", ".toml", ".csv", ".js", ".json", ".yml")
-    return set().union(*(words_of(path) for path in FILES if path.suffix in kinds), ELSEWHERE)
+    return set().union(*(parts_of(path)[1] for path in FILES if path.suffix in kinds), ELSEWHERE)
 
 
 def held(path: str) -> list[Path]:
@@ -106,7 +100,7 @@ def held(path: str) -> list[Path]:
 
 def faults(path: Path) -> Iterator[str]:
     """Lines about what a page or module names and nothing holds."""
-    for line, text in texts_of(path):
+    for line, text in parts_of(path)[0]:
         where = f"{path.relative_to(ROOT)}:{line}"
         for word in re.findall(r"`([^`\n]+)`", text):
             if PLACEHOLDER.search(word) or held(word):
@@ -120,7 +114,7 @@ def faults(path: Path) -> Iterator[str]:
         ]
         pairs += [(file or other, name or test) for name, file, other, test in NAME_IN_FILE.findall(text)]
         for file, name in pairs:
-            if not PLACEHOLDER.search(file) and not any(name in words_of(one) for one in held(file)):
+            if not PLACEHOLDER.search(file) and not any(name in parts_of(one)[1] for one in held(file)):
                 yield f"{where}: no {name} in {file}"
         for file in re.findall(r"(?<![\w/.-])((?:[\w-]+/)+[\w-]+\.(?:py|md|csv|toml))\b", text):
             if file.startswith(tuple(f"{one}/" for one in OURS)) and not (

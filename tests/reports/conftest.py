@@ -19,6 +19,13 @@ SLOWEST = 1e-3
 """Speed of the slowest bounce [m/s]."""
 
 
+@pytest.fixture(autouse=True)
+def spawned_where_marked(request):
+    """Fork child processes, but in tests that are marked `spawned`."""
+    if request.node.get_closest_marker("spawned") is None:
+        request.getfixturevalue("forked")
+
+
 @pytest.fixture
 def touchstone(monkeypatch, capfd, tmp_path):
     """Call the program in this process, in an empty folder: (exit code, stdout, stderr)."""

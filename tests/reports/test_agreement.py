@@ -12,7 +12,6 @@ import pytest
 from rich.console import Console
 
 from touchstone.adapters.contract import Unsupported
-from touchstone.reports.output_folder import OutputError
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies import agreement, study
 from touchstone.reports.studies.agreement import LADDER, Trajectory, order_of, run, show
@@ -116,13 +115,6 @@ def test_an_engine_that_refuses_coarse_steps_is_compared_at_the_others(played) -
     refused = frame[(frame.engine == "dart") & (frame.metric == "run")]
     assert refused.dt.tolist() == [LADDER[0]]
     assert value(frame, "dart", "agreement.model") < 1e-9
-
-
-def test_a_used_folder_is_refused(tmp_path: Path) -> None:
-    """Do not write over results."""
-    (tmp_path / "kept").write_text("")
-    with pytest.raises(OutputError, match="not an empty folder"):
-        run([], tmp_path, lambda label, count: None)
 
 
 def test_a_scene_without_a_closed_form_is_measured_against_a_band(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from math import isnan
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from touchstone.reports.cli import main as cli
 from touchstone.reports.results import table
 from touchstone.reports.studies.inverse_kinematics import (
     CCD,
@@ -24,7 +22,6 @@ from touchstone.reports.studies.inverse_kinematics import (
     run,
     show,
 )
-from touchstone.reports.studies.study import RefusedError
 
 GOALS = 40
 MEASURES = [("ik.missed", ""), ("ik.left", "max"), ("time.solve", "")]
@@ -87,12 +84,6 @@ def test_goals_and_starts_are_what_they_say() -> None:
     assert not arm.allows(arm.joints["upper"] + 1e-6)
 
 
-def test_no_goals_are_one_line() -> None:
-    """Say what was found and expected."""
-    with pytest.raises(RefusedError, match=r"^--goals 0: expected at least 1$"):
-        rows(0, 0, silence)
-
-
 def test_files_and_table_are_complete(tmp_path: Path) -> None:
     """Store the rows and a manifest, and show each start with each solver."""
     frame = run(5, 1, tmp_path / "ik", silence)
@@ -110,14 +101,3 @@ def test_files_and_table_are_complete(tmp_path: Path) -> None:
             longest = mine[(mine.metric == "ik.passes") & (mine.subject == "max")].value.item()
             assert f" {longest:.0f} " in line
     assert "…" not in "".join(lines)
-
-
-def test_the_command_refuses_no_goals(tmp_path: Path, monkeypatch, capfd) -> None:
-    """End with one line and status 2, and leave nothing behind."""
-    arguments = ["touchstone", "study", "ik", "--goals", "0", "--out", str(tmp_path / "ik"), "--quiet"]
-    monkeypatch.setattr(sys, "argv", arguments)
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert end.value.code == 2
-    assert capfd.readouterr().err.splitlines()[-1].endswith("--goals 0: expected at least 1")
-    assert not list(tmp_path.iterdir())

@@ -200,25 +200,6 @@ def test_scenes_that_fail_are_told(tmp_path) -> None:
     assert "error: reference paper, effects=all table_slide: reference: broken" in console.export_text()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--repeats", "0"], "Invalid value for '--repeats': "),
-        (["--out", "full"], "--out full: exists and is not an empty folder"),
-        (["--profile", "balanced"], "No such option: --profile"),
-    ],
-)
-def test_wrong_arguments_are_one_line(touchstone, tmp_path, arguments, said) -> None:
-    """End with status 2 and one line, and write nothing."""
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full" / "mine").touch()
-    code, out, err = touchstone("study", "paper", *arguments)
-    assert (code, out) == (2, "")
-    assert said in err
-    assert err.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["full"]
-
-
 def test_the_command_prints_rows(touchstone, monkeypatch) -> None:
     """The registered command passes its options on, and prints the long table."""
     from touchstone.reports.studies.paper import study

@@ -197,27 +197,6 @@ def test_pairs_come_in_one_order(counts: tuple[int, int, int]) -> None:
     assert all(p < q for pairs in lists[0] for p, q in pairs)
 
 
-@pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
-def test_slots_hold_every_piece_along_x(counts: tuple[int, int, int]) -> None:
-    """Hold each moving piece once, with its box, by low x within a strip."""
-    rng = np.random.default_rng(10)
-    scene = Scene(rng, counts)
-    scene.move(rng.normal(size=scene.center.shape))
-    scene.found(SIMULATED)
-    slots = scene.pieces["slot"]
-    assert sorted(slots["piece"]) == list(range(len(slots)))
-    for name in ("low", "high"):
-        np.testing.assert_array_equal(slots[name], scene.pieces[name][slots["piece"]])
-    for kind in (FIXED, *KINDS):
-        group = scene.state[0]["groups"][kind]
-        strips = scene.pieces["column"][group["first"] : group["first"] + group["columns"]]
-        assert (group["single_column"] == 1) == (len(strips) == 1)
-        assert strips["first"].tolist() == [group["first"], *strips["end"][:-1].tolist()]
-        assert strips["end"][-1] == group["end"]
-        for strip in strips:
-            assert (np.diff(slots["low"][strip["first"] : strip["end"], 0]) >= 0).all()
-
-
 def test_pairs_without_room_are_counted() -> None:
     """Count the pairs dropped because the pair buffer is full; fill it."""
     scene = Scene(np.random.default_rng(1), SIZES["many of all"])

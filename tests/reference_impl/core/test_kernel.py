@@ -205,10 +205,9 @@ def test_damage_is_noticed(tmp_path: Path, damage: str) -> None:
 def test_a_damaged_entry_is_compiled_again(named: dict[str, str], kernel: str) -> None:
     """Compile a named kernel whose file is damaged before its caller is loaded, and the caller likewise."""
     folder = Path(run(CALL + FOLDER, **named).split()[1])
-    for damage in ("halved", "zeros in the middle"):
-        (entry,) = folder.glob(f"*{kernel}.{kernel}[.-]*.nbc")
-        entry.write_bytes(DAMAGES[damage](entry.read_bytes()))
-        assert run(CALL + COUNT, **named).split() == ["2.0", "1"]
+    (entry,) = folder.glob(f"*{kernel}.{kernel}[.-]*.nbc")
+    entry.write_bytes(DAMAGES["halved"](entry.read_bytes()))
+    assert run(CALL + COUNT, **named).split() == ["2.0", "1"]
     assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
 
 

@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import AdapterError, Settings
+from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.engines.reference.settings import COLUMNS
@@ -33,7 +33,6 @@ from touchstone.reference_impl.posture.chain_overlap_removal import (
 from touchstone.reference_impl.posture.overlap_removal import remove_overlap
 from touchstone.scenarios.avatar.avatar import avatar_parts
 from touchstone.scenarios.avatar.chains import hinge_axes
-from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import IDENTITY, Body, Scenario, Tracker
 
@@ -210,29 +209,6 @@ def test_a_pushed_arm_stays_near_the_best_posture(lab: SimpleNamespace, profile:
 
 
 @pytest.mark.parametrize("profile", COLUMNS)
-def test_crossing_arms_hold_each_other_up(profile: str) -> None:
-    """Keep arms that are led through each other apart; both give way, and one may slide over the other."""
-    scenario = arms_cross()
-    recording = played(scenario, profile)
-    assert overlap(recording, scenario).max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
-    assert not work(recording, "gave_up").any()
-    assert_within_limits(recording, scenario)
-    off = np.abs(recording.joint_angle[55] - scenario.trackers[0].angles[1])
-    for side in ("left", "right"):
-        assert off[[name.startswith(f"{side}_") for name in NAMES]].max() > 0.1
-    # over the other, if at all, and never through a hand 3 cm thick
-    left, right = (scenario.body_index(f"{side}_hand") for side in ("left", "right"))
-    apart = recording.position[:, left] - recording.position[:, right]
-    assert ((apart[:, 1] > 0) | (np.abs(apart[:, 2]) > 0.05)).all()
-    assert np.abs(recording.joint_rate).max() < 8
-    # without self-collision they pass through each other
-    through = walking(
-        times=(0.0, 1.5), ways=(0.0, 0.0), angles=scenario.trackers[0].angles[1:3], effects=("gravity",)
-    )
-    assert not work(played(through), "ik.rounds").any()
-
-
-@pytest.mark.parametrize("profile", COLUMNS)
 def test_what_chains_cannot_take_the_body_does(lab: SimpleNamespace, profile: str) -> None:
     """Stop before a wall that the tracker walks through, though the chains alone could not come free."""
     wall = lab.block("wall", (0.5, 3.0, 3.0), (1.25, 0.0, 0.0), kind="fixed")
@@ -243,17 +219,6 @@ def test_what_chains_cannot_take_the_body_does(lab: SimpleNamespace, profile: st
     assert not work(recording, "gave_up").any()
     assert_within_limits(recording, scenario)
     assert 0.5 < recording.position[-1, 0, 0] < 0.65
-
-
-def test_a_mirrored_push_is_mirrored(lab: SimpleNamespace) -> None:
-    """Push the left arm instead, chains in mirrored order: equal angles are mirrored postures."""
-    mirrored = tuple(CHAINS[k] for k in (0, 2, 1, 4, 3))
-    one = played(wall_push(lab, "right")).joint_angle
-    two = played(wall_push(lab, "left", chains=mirrored)).joint_angle
-    swap = {"left": "right", "right": "left"}
-    other = [NAMES.index("_".join(swap.get(word, word) for word in name.split("_"))) for name in NAMES]
-    # the same operations on mirrored numbers, rounded equally but for sums in another order
-    np.testing.assert_allclose(two[:, other], one, atol=1e-9)
 
 
 def test_attraction_closes_the_gap_as_fast_as_a_lag() -> None:
@@ -276,17 +241,6 @@ def test_attraction_closes_the_gap_as_fast_as_a_lag() -> None:
             assert (targets - joints["angle"] <= left + 1e-12).all()
             turned = np.abs(joints["angle"] - before).max()
             assert turned <= slow * np.linalg.norm(targets - before) + 1e-12
-
-
-@pytest.mark.parametrize("profile", ["balanced", "accurate"])
-def test_free_chains_are_where_the_tracker_is(profile: str) -> None:
-    """Show the tracker's own posture in every frame where nothing is in the way."""
-    lifting = posture(right_shoulder=lifted("right"), right_elbow=1.0, left_knee=0.6)
-    scenario = walking(times=(0.0, 0.4, 0.8), ways=(0.0,) * 3, angles=(posture(), lifting, posture()))
-    recording = played(scenario, profile)
-    tracked = sample(scenario.trackers[0], recording.time).angle
-    assert np.abs(np.diff(tracked, axis=0)).max() > 0.05
-    np.testing.assert_allclose(recording.joint_angle, tracked, atol=1e-9)
 
 
 def test_velocities_lead_from_frame_to_frame(lab: SimpleNamespace) -> None:
@@ -334,15 +288,6 @@ def test_a_tracker_may_start_in_a_wall(lab: SimpleNamespace, profile: str) -> No
     assert depth[0] > 0.03
     assert depth[1:].max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
     assert_within_limits(recording, scenario)
-
-
-def test_a_tracker_that_starts_stuck_is_refused(lab: SimpleNamespace) -> None:
-    """Name tracker, frame, pair and depth where two walls leave no room for the torso."""
-    walls = [lab.block(f"wall_{s}", (0.5, 0.5, 3.0), (0.0, 0.6 * s, 0.0), kind="fixed") for s in (-1, 1)]
-    scenario = walking(*walls, times=(0.0, 0.2), ways=(0.0, 0.0), angles=(posture(),) * 2)
-    expected = r"^reference: trackers\[0\] starts stuck: in frame 1 'wall_-?1' and '\w+' overlap by 0\.\d+ m"
-    with pytest.raises(AdapterError, match=expected):
-        ReferenceEngine().build(scenario, Settings("balanced", FRAME))
 
 
 INTERPRETED = """

@@ -60,18 +60,6 @@ def walls(lab: SimpleNamespace, gap: float):
     ]
 
 
-@pytest.mark.parametrize("profile", TRANSLATIONS)
-def test_one_pair_needs_one_round(lab: SimpleNamespace, profile: str) -> None:
-    """Lift a driven ball out of the ground in one round, straight up."""
-    world = driven_world(lab, (0.0, 0.0, 0.2), lab.ground(), profile=profile)
-    world.drivers[0]["position"] = (0.1, 0.2, 0.03)
-    assert remove(world)
-    assert lab.counters(world)["rounds"] == 1
-    # the depth is exact to rounding of the ground's size, 40 m
-    np.testing.assert_allclose(world.drivers[0]["position"], (0.1, 0.2, RADIUS), atol=1e-12)
-    np.testing.assert_allclose(world.bodies[0]["position"], world.drivers[0]["position"], rtol=0, atol=0)
-
-
 def slanted(lab: SimpleNamespace, name: str, normal) -> Body:
     """A fixed block with a face through the origin and this normal in the xz plane."""
     half, tilt = (1.5, 1.5, 0.5), np.arctan2(normal[0], normal[2])

@@ -140,17 +140,6 @@ def test_opposing_contacts_are_solved_to_the_optimum(world) -> None:
     assert (counters[COUNT_QP_SOLVES], counters[CAP_POSTURE_QP]) == (200, 0)
 
 
-def test_one_contact_turns_along_its_slope(world) -> None:
-    """Turn by g d / (g . g), damped: the shortest way to a plane."""
-    pairs = contacts(world, [HAND])
-    (g,) = slopes(world, pairs)
-    missed, turned = solve_arm(world, pairs)
-    damped = g @ g + QP_LEVER**2
-    assert missed == pytest.approx(QP_LEVER**2 / damped, rel=1e-7)
-    # slopes by differences are good to 1e-10
-    np.testing.assert_allclose(turned, g * (1e-4 + QP_CLEARANCE) / damped, rtol=1e-7, atol=1e-13)
-
-
 def test_hinges_beyond_the_link_stay(world) -> None:
     """Leave elbow and wrist alone where the upper arm is pushed."""
     _, turned = solve_arm(world, contacts(world, [UPPER_ARM]))
@@ -192,22 +181,6 @@ def program(g: np.ndarray, depths: np.ndarray, room: np.ndarray) -> np.ndarray:
             method="SLSQP",
             options={"ftol": 1e-15, "maxiter": 1000},
         ).x[:6]
-    )
-
-
-def test_two_chains_share_by_the_squares_of_their_slopes(world) -> None:
-    """Turn both arms by g d / (|g|^2 of both): the least |dq|^2, not half of the overlap each."""
-    pairs = contacts(world, [HAND])
-    # the right forearm is in the way
-    pairs["body_a"] = int(world.joints[world.drivers[0]["chains"][RIGHT, 1] - 2]["child"])
-    every = range(len(world.joints))
-    g = slopes(world, pairs, every)[0]
-    parts = [(g[first : last + 1] ** 2).sum() for first, last in world.drivers[0]["chains"]]
-    assert parts[RIGHT] > 1.05 * parts[CHAIN] > 0
-    assert sum(parts) == parts[CHAIN] + parts[RIGHT]
-    _, turned = solve(world, pairs)
-    np.testing.assert_allclose(
-        turned, g * (1e-4 + QP_CLEARANCE) / (g @ g + QP_LEVER**2), rtol=1e-6, atol=1e-13
     )
 
 

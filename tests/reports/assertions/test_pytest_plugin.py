@@ -3,6 +3,7 @@ own."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import shutil
 import subprocess
@@ -81,24 +82,30 @@ class Faulty(ToyEngine):
 
 @pytest.fixture
 def session(tmp_path):
-    """Run pytest with the plug-in in an empty folder with the toy engine: (exit code, output)."""
+    """Run pytest with the plug-in in a fork, in a folder with the toy engine: (exit code, output)."""
     shutil.copy(ROOT / "docs" / "toy_engine.py", tmp_path)
     (tmp_path / "faulty_engine.py").write_text(FAULTY)
 
     def run(*arguments: str, cached: bool = False) -> tuple[int, str]:
-        path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+        process = multiprocessing.get_context("fork").Process(target=inside, args=(cached, *arguments))
+        process.start()
+        process.join()
+        return process.exitcode, (tmp_path / "out.txt").read_text()
+
+    def inside(cached: bool, *arguments: str) -> None:
+        os.chdir(tmp_path)
+        sys.path.insert(0, str(tmp_path))
+        out = os.open("out.txt", os.O_CREAT | os.O_TRUNC | os.O_WRONLY)
+        os.dup2(out, 1)
+        os.dup2(out, 2)
+        sys.stdout, sys.stderr = (os.fdopen(k, "w", closefd=False) for k in (1, 2))
         # The plug-in may be installed or not; it is loaded once either way.
-        environment = os.environ | {"PYTHONPATH": path, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
-        command = [sys.executable, "-m", "pytest", "-p", "touchstone.reports.pytest_plugin", "-rA", "-p"]
-        done = subprocess.run(
-            [*command, "cacheprovider" if cached else "no:cacheprovider", *arguments],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
-        return done.returncode, done.stdout + done.stderr
+        os.environ |= {"PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+        cache = "cacheprovider" if cached else "no:cacheprovider"
+        code = pytest.main(["-p", "touchstone.reports.pytest_plugin", "-rA", "-p", cache, *arguments])
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
     return run
 

@@ -17,7 +17,7 @@ from touchstone.adapters.workers.process import last_core
 from touchstone.reports.bench import frame, restarts
 from touchstone.reports.bench.restarts import CONTESTANTS, Contestant, Take
 from touchstone.reports.bootstrap import RATIO, RATIOS
-from touchstone.reports.results import table
+from touchstone.reports.results import Row, table
 from touchstone.reports.run import ratios, time_limits
 from touchstone.reports.run.contact_frames import contact_frames
 from touchstone.reports.run.decomposition import FACTORS
@@ -150,77 +150,59 @@ def test_a_limit_is_at_most_half_above_what_was_measured(
     )
 
 
-def test_one_run_decides_no_close_call(monkeypatch) -> None:
-    """Leave a ratio within a quarter of its limit without verdict, and name the command that decides."""
-    limits(monkeypatch, 0.1)
-    base = time_limits.Row(
-        "run", "ball_snip", "reference", "balanced", 1 / 60, RATIO, subject="dart recommended"
-    )
-    for value, verdict in ((0.11, "pass"), (0.13, ""), (0.18, ""), (0.19, "fail")):
-        row = time_limits.judged_time("own steps", replace(base, value=value), ("gallery",), "", 100)
-        assert row.verdict == verdict
-        assert ("touchstone bench frame ball_snip decides" in row.reason) == (verdict == "")
+CLOSE = "touchstone bench frame ball_snip decides"
+
+
+@pytest.mark.parametrize(
+    ("scene", "name", "value", "interval", "frames", "median", "verdict", "said"),
+    [
+        # within a quarter of its limit
+        ("ball_snip", RATIO, 0.11, None, 100, np.inf, "pass", ""),
+        ("ball_snip", RATIO, 0.13, None, 100, np.inf, "", CLOSE),
+        ("ball_snip", RATIO, 0.18, None, 100, np.inf, "", CLOSE),
+        ("ball_snip", RATIO, 0.19, None, 100, np.inf, "fail", ""),
+        # a 99th percentile, however far it is from its limit
+        ("ball_snip", f"{RATIO}.p99", 3.0, None, 100, np.inf, "", "no verdict from one run"),
+        ("ball_snip", f"{RATIO}.p99", 3.0, None, np.inf, np.inf, "fail", ""),
+        # the one frame of an impact
+        ("fall", RATIO, 4.0, None, 1, np.inf, "", ""),
+        ("fall", RATIO, 4.0, None, 9, np.inf, "", ""),
+        ("fall", RATIO, 4.0, None, 10, np.inf, "fail", ""),
+        ("fall", RATIO, 4.0, None, np.inf, np.inf, "fail", ""),
+        # a mean that its median does not confirm: an interruption
+        ("push_box", RATIO, 0.4, None, 240, 0.07, "", ""),
+        ("push_box", RATIO, 0.4, None, 240, 0.35, "fail", ""),
+        ("push_box", RATIO, 0.4, None, np.inf, 0.07, "fail", ""),
+        # a limit inside the interval, of several restarts too
+        ("push_box", RATIO, 0.9, (0.02, 1.1), 240, 0.9, "", "its interval includes"),
+        ("push_box", RATIO, 0.9, (0.02, 1.1), np.inf, 0.9, "", "its interval includes"),
+        ("push_box", RATIO, 0.9, (0.8, 1.1), 240, 0.9, "fail", ""),
+        ("push_box", RATIO, 0.9, (0.8, 1.1), np.inf, 0.9, "fail", ""),
+    ],
+)
+def test_one_run_decides_what_is_clear(
+    monkeypatch, scene, name, value, interval, frames, median, verdict, said
+) -> None:
+    """Leave without verdict what several restarts may decide otherwise, and say so."""
+    if scene == "ball_snip" and name == RATIO:
+        limits(monkeypatch, 0.1)
+    row = Row("run", scene, "reference", "balanced", 1 / 60, name, value, subject="mujoco recommended")
+    row = replace(row, low=interval[0], high=interval[1]) if interval else row
+    found = time_limits.judged_time("own steps", row, catalogue()[scene].tags, "", frames, median)
+    assert found.verdict == verdict
+    assert said in found.reason
 
 
 @pytest.mark.parametrize(
     ("measured", "frames", "limit"),
     [(0.05, np.inf, 0.075), (0.05, 100, 0.15), (0.2, np.inf, 0.3), (0.2, 100, 0.3)],
 )
-def test_one_run_is_judged_by_the_target_where_that_is_met(
-    monkeypatch, measured: float, frames: float, limit: float
-) -> None:
+def test_one_run_is_judged_by_the_target_where_that_is_met(monkeypatch, measured, frames, limit) -> None:
     """Take 1.5 times the measured ratio as the limit of a single run only where it misses the target."""
     limits(monkeypatch, measured)
-    base = time_limits.Row(
-        "run", "ball_snip", "reference", "balanced", 1 / 60, RATIO, 0.01, subject="dart recommended"
-    )
-    row = time_limits.judged_time("own steps", base, ("gallery",), "", frames)
+    row = Row("run", "ball_snip", "reference", "balanced", 1 / 60, RATIO, 0.01, subject="dart recommended")
+    row = time_limits.judged_time("own steps", row, ("gallery",), "", frames)
     assert (row.limit, row.verdict) == (pytest.approx(limit), "pass")
-
-
-def test_one_run_decides_no_99th_percentile() -> None:
-    """Leave the 99th percentile of one run without verdict, however far it is from its limit."""
-    base = time_limits.Row(
-        "run", "ball_snip", "reference", "balanced", 1 / 60, f"{RATIO}.p99", subject="dart recommended"
-    )
-    for frames, verdict in ((100, ""), (np.inf, "fail")):
-        row = time_limits.judged_time("own steps", replace(base, value=3.0), ("gallery",), "", frames)
-        assert row.verdict == verdict
-        assert ("no verdict from one run" in row.reason) == (verdict == "")
-
-
-def test_one_run_decides_nothing_on_few_frames() -> None:
-    """Leave a ratio over the one frame of an impact without verdict."""
-    base = time_limits.Row(
-        "run", "fall", "reference", "balanced", 1 / 60, RATIO, 4.0, subject="bullet recommended"
-    )
-    for frames, verdict in ((1, ""), (9, ""), (10, "fail"), (np.inf, "fail")):
-        row = time_limits.judged_time("own steps", base, ("probe",), "", frames)
-        assert row.verdict == verdict
-
-
-def test_one_run_decides_nothing_on_an_interruption() -> None:
-    """Leave a mean that its median does not confirm without verdict."""
-    base = time_limits.Row(
-        "run", "push_box", "reference", "balanced", 1 / 60, RATIO, 0.4, subject="mujoco recommended"
-    )
-    for frames, median, verdict in ((240, 0.07, ""), (240, 0.35, "fail"), (np.inf, 0.07, "fail")):
-        row = time_limits.judged_time("own steps", base, ("gallery",), "", frames, median)
-        assert row.verdict == verdict
-
-
-def test_a_limit_is_broken_only_by_the_whole_interval() -> None:
-    """Leave a ratio beyond its limit without verdict while its interval includes the limit, with a reason."""
-    base = time_limits.Row(
-        "run", "push_box", "reference", "balanced", 1 / 60, RATIO, 0.9, subject="mujoco recommended"
-    )
-    for frames in (240, np.inf):
-        for low, verdict in ((0.02, ""), (0.8, "fail")):
-            row = time_limits.judged_time(
-                "own steps", replace(base, low=low, high=1.1), ("gallery",), "", frames, 0.9
-            )
-            assert row.verdict == verdict
-            assert ("its interval includes" in row.reason) == (verdict == "")
 
 
 def test_one_run_is_confirmed_by_the_interval_of_its_medians(monkeypatch) -> None:

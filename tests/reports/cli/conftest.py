@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import pkgutil
+import shutil
+from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from touchstone.adapters.workers.children import Outcome
 from touchstone.reports.run import study
-from touchstone.scenarios.catalogue import built, scene
+from touchstone.scenarios import catalogue
 from touchstone.scenarios.families import ball_snip as snip
 
 
 @pytest.fixture
-def quick(monkeypatch, registry):
+def handed_over(monkeypatch, registry):
     """Children that hand over the session's recordings in place of playing."""
 
     def play(self, jobs, progress):
@@ -28,15 +32,44 @@ def quick(monkeypatch, registry):
 
 
 @pytest.fixture
+def unpictured(monkeypatch):
+    """Runs that draw no pictures."""
+    for name in ("write_picture", "draw", "draw_forces"):
+        monkeypatch.setattr(study, name, lambda *_: None)
+
+
+@pytest.fixture
+def quick(handed_over, unpictured):
+    """Neither play nor pictures."""
+
+
+@pytest.fixture(scope="module")
+def stored_run(tmp_path_factory):
+    """Copy the folder of a run into a working folder; the first time, play it."""
+    kept = tmp_path_factory.mktemp("stored") / "run"
+
+    def copy(play, folder):
+        if not kept.exists():
+            play()
+            shutil.copytree(folder, kept)
+        elif not folder.exists():
+            shutil.copytree(kept, folder)
+
+    return copy
+
+
+@pytest.fixture
 def added(monkeypatch):
-    """Add a scene to the catalogue, or put another one in its place."""
+    """Add a scene to a catalogue of the file of `ball_snip`, or put another one in its place."""
+    families = [one for one in pkgutil.iter_modules([Path(snip.__file__).parent]) if one.name == "ball_snip"]
+    monkeypatch.setattr(catalogue, "pkgutil", SimpleNamespace(iter_modules=lambda _: families))
+    monkeypatch.setattr(catalogue, "built", cache(catalogue.built.__wrapped__))
 
     def add(build):
-        monkeypatch.setattr(snip, "added", scene(build), raising=False)
-        built.cache_clear()
+        monkeypatch.setattr(snip, "added", catalogue.scene(build), raising=False)
+        catalogue.built.cache_clear()
 
-    yield add
-    built.cache_clear()
+    return add
 
 
 @pytest.fixture(scope="session")

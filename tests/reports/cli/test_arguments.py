@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,6 @@ from touchstone.reports.compare.stored import NEEDED
 from touchstone.scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
-REFERENCE = ("--engine", "reference")
 
 
 def test_help_imports_nothing_heavy():
@@ -42,114 +42,133 @@ def test_the_program_is_installed():
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["bal_snip"], "unknown scenario 'bal_snip'; did you mean 'ball_snip'"),
-        (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
-        (["--engine", "zzz"], "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco"),
-        (["--metric", "overlp.max"], "unknown metric 'overlp.max'; did you mean 'overlap.max'"),
-        (["--tag", "galery"], "unknown tag 'galery'; did you mean 'gallery'?"),
-        (["--profile", "equal_step"], "unknown profile 'equal_step'; did you mean 'equal-step'?"),
-        (["--engine", "dart", "--profile", "paper"], "no engine of dart has the profile paper"),
-        (
-            ["--dt", "1e-300"],
-            "--dt 1e-300: dt = 1e-300 s is 1.67e+298 steps a frame, expected at most 1000000",
-        ),
-        (
-            ["--dt", "\u0661/\u0666\u0660"],
-            "--dt \u0661/\u0666\u0660: expected a step in seconds, such as 1/240 or 0.005",
-        ),
-        (["--dt", "1_0/60"], "--dt 1_0/60: expected a step in seconds"),
-        (["--engine", "mujoco", "--set", "impratio=\u0661"], "--set mujoco: impratio: found '\u0661'"),
-        (["--dt", "1/7"], "--dt 1/7: dt = 0.142857 s does not divide the frame of 1/60 s"),
-        (["--set", "removel=eq1"], "--set reference: unknown setting 'removel'; did you mean 'removal'"),
-        (["--set", "x"], "--set reference: unknown setting 'x' (valid: v_rest, "),
-        (["--set", "mujco.cone=elliptic"], "--set unknown engine 'mujco' (valid: reference, dart, "),
-        (
-            ["--engine", "mujoco", "--set", "cne=elliptic"],
-            "--set mujoco: unknown setting 'cne'; did you mean 'cone'?",
-        ),
-        (
-            [*REFERENCE, "--set", "removal=eq2"],
-            "--set reference: removal: found 'eq2'; did you mean 'eq1'? (valid: eq1",
-        ),
-        ([*REFERENCE, "--set", "removal"], "--set reference: removal: found '' (valid: eq1|least_motion)"),
-        (
-            [*REFERENCE, "--set", "event_rows=-1"],
-            "--set reference: event_rows: found '-1' (valid: whole, 0 to 1e+09)",
-        ),
-        ([*REFERENCE, "--set", "event_rows=2.5"], "--set reference: event_rows: found '2.5' (valid: whole"),
-        ([*REFERENCE, "--set", "event_rows=nan"], "--set reference: event_rows: found 'nan'"),
-        (
-            [*REFERENCE, "--set", "depth=exact", "--set", "depth=certified"],
-            "--set reference: depth: given as depth=exact and depth=certified",
-        ),
-        (["--set", "removal=eq1"], "--set dart: unknown setting 'removal'"),
-        (
-            [*REFERENCE, "--profile", "paper", "--set", "depth=exact"],
-            "--set reference: depth: profile paper has no such setting: it has the numbers of the scene",
-        ),
-        (["--tracker", "nosy"], "unknown tracker 'nosy'; did you mean 'noisy'? (valid: ideal, noisy)"),
-        (["fall", "--tracker", "noisy"], "--tracker noisy: no scene of this run has a tracker"),
-        (["--tracker", "noisy", "--drive", "posed"], "--tracker noisy: kinematic links would jump; choose"),
-        (["--dt", "x"], "--dt x: "),
-        (["--dt", "1/0"], "--dt 1/0: "),
-        (["--dt", "0"], "--dt 0: "),
-        (["--dt", "-1/60"], "--dt -1/60: "),
-        (["--dt", "nan"], "--dt nan: "),
-        (["--dt", "1e400"], "--dt 1e400: "),
-    ],
-)
-def test_wrong_input_is_one_line(touchstone, tmp_path, arguments, said, left):
-    """A wrong argument ends in exit 2 and one line with it and the nearest valid; nothing is written."""
-    code, out, err = touchstone("run", *arguments)
-    assert (code, out) == (2, "")
-    assert err.startswith(f"touchstone: {said}")
-    assert err.count("\n") == 1
-    assert left(tmp_path) == []
+WRONG = [
+    ("run bal_snip", "unknown scenario 'bal_snip'; did you mean 'ball_snip'"),
+    ("run --engine bulet", "unknown engine 'bulet'; did you mean 'bullet'?"),
+    ("run --engine zzz", "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco"),
+    ("run --metric overlp.max", "unknown metric 'overlp.max'; did you mean 'overlap.max'"),
+    ("run --tag galery", "unknown tag 'galery'; did you mean 'gallery'?"),
+    ("run --profile equal_step", "unknown profile 'equal_step'; did you mean 'equal-step'?"),
+    ("run --engine dart --profile paper", "no engine of dart has the profile paper"),
+    ("run --dt 1e-300", "--dt 1e-300: dt = 1e-300 s is 1.67e+298 steps a frame, expected at most 1000000"),
+    (
+        "run --dt '\u0661/\u0666\u0660'",
+        "--dt \u0661/\u0666\u0660: expected a step in seconds, such as 1/240 or 0.005",
+    ),
+    ("run --dt 1_0/60", "--dt 1_0/60: expected a step in seconds"),
+    ("run --engine mujoco --set 'impratio=\u0661'", "--set mujoco: impratio: found '\u0661'"),
+    ("run --dt 1/7", "--dt 1/7: dt = 0.142857 s does not divide the frame of 1/60 s"),
+    ("run --set removel=eq1", "--set reference: unknown setting 'removel'; did you mean 'removal'"),
+    ("run --set x", "--set reference: unknown setting 'x' (valid: v_rest, "),
+    ("run --set mujco.cone=elliptic", "--set unknown engine 'mujco' (valid: reference, dart, "),
+    ("run --engine mujoco --set cne=elliptic", "--set mujoco: unknown setting 'cne'; did you mean 'cone'?"),
+    (
+        "run --engine reference --set removal=eq2",
+        "--set reference: removal: found 'eq2'; did you mean 'eq1'? (valid: eq1",
+    ),
+    ("run --engine reference --set removal", "--set reference: removal: found '' (valid: eq1|least_motion)"),
+    (
+        "run --engine reference --set event_rows=-1",
+        "--set reference: event_rows: found '-1' (valid: whole, 0 to 1e+09)",
+    ),
+    ("run --engine reference --set event_rows=2.5", "--set reference: event_rows: found '2.5' (valid: whole"),
+    ("run --engine reference --set event_rows=nan", "--set reference: event_rows: found 'nan'"),
+    (
+        "run --engine reference --set depth=exact --set depth=certified",
+        "--set reference: depth: given as depth=exact and depth=certified",
+    ),
+    ("run --set removal=eq1", "--set dart: unknown setting 'removal'"),
+    (
+        "run --engine reference --profile paper --set depth=exact",
+        "--set reference: depth: profile paper has no such setting: it has the numbers of the scene",
+    ),
+    ("run --tracker nosy", "unknown tracker 'nosy'; did you mean 'noisy'? (valid: ideal, noisy)"),
+    ("run fall --tracker noisy", "--tracker noisy: no scene of this run has a tracker"),
+    ("run --tracker noisy --drive posed", "--tracker noisy: kinematic links would jump; choose"),
+    ("run --dt x", "--dt x: "),
+    ("run --dt 1/0", "--dt 1/0: "),
+    ("run --dt 0", "--dt 0: "),
+    ("run --dt -1/60", "--dt -1/60: "),
+    ("run --dt nan", "--dt nan: "),
+    ("run --dt 1e400", "--dt 1e400: "),
+    ("study calibration --engine bulet", "unknown engine 'bulet'; did you mean 'bullet'?"),
+    ("study calibration --profile maxmal", "unknown profile 'maxmal'; did you mean 'maximal'?"),
+    (
+        "study calibration --engine reference --profile maximal",
+        "no engine of reference has the profile maximal",
+    ),
+    ("study calibration --out full", "--out full: exists and is not an empty folder"),
+    ("--engien dart", "No such option: --engien"),
+    ("rnu", "No such command 'rnu'. Did you mean 'run'? (see touchstone --help)"),
+    ("study ikk", "No such command 'ikk'. Did you mean 'ik'? (see touchstone study --help)"),
+    ("list things", "Invalid value for 'what': "),
+    ("run --out", "Option '--out' requires an argument"),
+    ("show", "Missing argument 'scenario' (see touchstone show --help)"),
+    ("show fall --format xml", "Invalid value for '--format': "),
+    ("study ik --seed -1", "Invalid value for '--seed': "),
+    ("show fall --model-card", "fall: no driven bodies, so no model card (valid: arms_cross, "),
+    ("study convergence ball_snip", "no truth for ball_snip; valid: arch_stands, "),
+    ("study convergence sliderz", "unknown scenario 'sliderz'; did you mean 'sliders'"),
+    ("study convergence fall --engine bulet", "unknown engine 'bulet'; did you mean 'bullet'?"),
+    ("sweep fal", "unknown scenario 'fal'; did you mean 'fall'"),
+    (
+        "sweep fall --dt 1/70",
+        "--dt 1/70: dt = 0.0142857 s does not divide the frame of 1/60 s (next to it: 1/60, 1/120)",
+    ),
+    ("sweep fall --dt 0", "--dt 0: dt = 0 s does not divide the frame of 1/60 s (such as 1/240)"),
+    ("sweep fall --dt 1/x", "--dt 1/x: expected a step in seconds, such as 1/240 or 0.005"),
+    ("sweep fall --engine mujoco --set bullet.solref=1", "--set bullet: unknown setting 'solref'"),
+    ("sweep fall --set impratoi=1,2", "--set reference: unknown setting 'impratoi'"),
+    ("sweep fall --engine mujoco --set impratio=1,x", "--set mujoco: impratio: found 'x' (valid: 0.001 to"),
+    ("sweep fall --seed 0,x", "--seed 0,x: found 'x', expected numbers such as 0,1,2"),
+    ("sweep fall --timing --dask local", "--timing --dask: times are measured on this machine"),
+    ("sweep fall --part 3/3", "--part 3/3: expected K/N with K from 0 to N - 1"),
+    ("cheapest fal --overlap 1mm", "unknown scenario 'fal'"),
+    ("cheapest fall --overlap 1", "--overlap 1: no unit; valid: m, cm, mm, um"),
+    ("cheapest fall --energy 1J", "--energy 1J: unit 'J'; valid: %"),
+    ("cheapest fall --frame-budget 4m", "--frame-budget 4m: unit 'm'; valid: s, ms, us"),
+    ("cheapest fall", "cheapest: give a tolerance, such as --overlap 1mm"),
+    ("cheapest fall --overlap 1mm --engine bulet", "unknown engine 'bulet'; did you mean 'bullet'"),
+    ("tune fall --position 1mm", "tune: name the engine"),
+    ("tune fal --engine mujoco --position 1mm", "unknown scenario 'fal'; did you mean 'fall'"),
+    ("tune fall --engine mujocu --position 1mm", "unknown engine 'mujocu'; did you mean 'mujoco'"),
+    ("tune fall --engine mujoco --position 1", "--position 1: no unit; valid: m, cm, mm, um"),
+    ("tune fall --engine mujoco --friction 2mm", "--friction 2mm: unit 'mm'; valid: %"),
+    ("tune fall --engine mujoco --frame-budget 2ms", "tune: give a limit on an error"),
+    ("tune fall --engine mujoco", "tune: give a limit on an error"),
+    ("tune --engine mujoco --position 1mm", "tune: name one scene, or a tag by --scenes"),
+    ("tune --scenes prob --engine mujoco --position 1mm", "unknown tag 'prob'"),
+    ("reproduce fal --engine mujoco", "unknown scenario 'fal'"),
+    ("reproduce fall --engine mujocu", "unknown engine 'mujocu'"),
+    ("reproduce fall --engine mujoco --profile best", "unknown profile 'best'"),
+    ("reproduce fall --engine mujoco --dt 1/70", "--dt 1/70: dt = 0.0142857 s does not divide"),
+    ("reproduce fall --engine mujoco --set cone=flat", "--set mujoco: cone: found 'flat'"),
+    ("reproduce fall --engine reference", "fall: reference: no scripts in its own API are written for it"),
+    ("study paper --repeats 0", "Invalid value for '--repeats': "),
+    ("study paper --out full", "--out full: exists and is not an empty folder"),
+    ("study paper --profile balanced", "No such option: --profile"),
+    ("study narrow-phase --pairs many", "--pairs many: expected a number of pairs, or a file .json or .toml"),
+    ("study narrow-phase --pairs missing.json", "missing.json: No such file or directory"),
+    ("study narrow-phase --pairs -3", "--pairs -3: expected at least"),
+    ("study narrow-phase --pairs 99999999999", "--pairs 99999999999: expected at most 10000000"),
+    ("study narrow-phase --pairs 8", "--pairs 8: expected at least 9, one per family of poses"),
+    ("study narrow-phase --pairs 9 --out full", "--out full: exists and is not an empty folder"),
+    ("study agreement fall --out full", "--out full: exists and is not an empty folder"),
+    ("study ik --goals 0", "--goals 0: expected at least 1"),
+]
+"""Command -> how its line begins; `full` is a folder with a file."""
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
-        (["--profile", "maxmal"], "unknown profile 'maxmal'; did you mean 'maximal'?"),
-        (["--engine", "reference", "--profile", "maximal"], "no engine of reference has the profile maximal"),
-        (["--out", "full"], "--out full: exists and is not an empty folder"),
-    ],
-)
-def test_wrong_input_of_a_study_is_one_line(touchstone, tmp_path, arguments, said, left):
-    """A wrong argument of `study calibration` ends in exit 2 and one line, and nothing is written."""
+@pytest.mark.parametrize(("command", "said"), WRONG)
+def test_wrong_input_is_one_line(touchstone, tmp_path, command, said, left):
+    """Exit 2 and one line with the place and the nearest valid; nothing is played or written."""
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine").touch()
-    code, out, err = touchstone("study", "calibration", *arguments)
+    code, out, err = touchstone(*shlex.split(command))
     assert (code, out) == (2, "")
     assert err.startswith(f"touchstone: {said}")
     assert err.count("\n") == 1
     assert left(tmp_path) == ["full"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--engien", "dart"], "No such option: --engien"),
-        (["rnu"], "No such command 'rnu'. Did you mean 'run'? (see touchstone --help)"),
-        (["study", "ikk"], "No such command 'ikk'. Did you mean 'ik'? (see touchstone study --help)"),
-        (["list", "things"], "Invalid value for 'what': "),
-        (["run", "--out"], "Option '--out' requires an argument"),
-        (["show"], "Missing argument 'scenario' (see touchstone show --help)"),
-        (["show", "fall", "--format", "xml"], "Invalid value for '--format': "),
-        (["study", "ik", "--seed", "-1"], "Invalid value for '--seed': "),
-        (["show", "fall", "--model-card"], "fall: no driven bodies, so no model card (valid: arms_cross, "),
-    ],
-)
-def test_wrong_usage_is_one_line(touchstone, arguments, said):
-    """Unknown options, commands and kinds of lists end in exit 2 and one line with the place."""
-    code, out, err = touchstone(*arguments)
-    assert (code, out) == (2, "")
-    assert err.startswith(f"touchstone: {said}")
-    assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize("arguments", [[], ["study"]])
@@ -193,20 +212,3 @@ def test_an_endless_file_is_refused(touchstone, tmp_path):
     line = "touchstone: huge.toml: 1e+05 MB, expected at most 100 MB\n"
     assert touchstone("compare", "old", "old", "--tolerance", "huge.toml") == (2, "", line)
     assert touchstone("show", "huge.toml") == (2, "", line)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["ball_snip"], "no truth for ball_snip; valid: arch_stands, "),
-        (["sliderz"], "unknown scenario 'sliderz'; did you mean 'sliders'"),
-        (["fall", "--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'?"),
-    ],
-)
-def test_wrong_input_of_study_convergence_is_one_line(touchstone, tmp_path, arguments, said, left):
-    """It refuses scenes without a truth, and names that are wrong, before it plays."""
-    code, out, err = touchstone("study", "convergence", *arguments)
-    assert (code, out) == (2, "")
-    assert err.startswith(f"touchstone: {said}")
-    assert err.count("\n") == 1
-    assert left(tmp_path) == []

@@ -21,6 +21,7 @@ from touchstone.reports.verdict import failings, limits
 from touchstone.reports.verdict.limits import Limit
 from touchstone.scenarios.catalogue import catalogue
 
+pytestmark = pytest.mark.usefixtures("unpictured")
 REFERENCE = ("--engine", "reference")
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
 

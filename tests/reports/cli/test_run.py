@@ -21,7 +21,7 @@ REFERENCE = ("--engine", "reference")
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
 
 
-def test_a_run_writes_a_whole_folder(touchstone, quick, tmp_path, left):
+def test_a_run_writes_a_whole_folder(touchstone, handed_over, tmp_path, left):
     """A run leaves table, CSV, manifest, report, recordings and outputs, and nothing beside them."""
     code, out, err = touchstone(*RUN, "--out", "here/results")
     assert code == 0

@@ -12,57 +12,6 @@ import pytest
 from touchstone.adapters.registry import installed, missing_reason
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["fal"], "unknown scenario 'fal'; did you mean 'fall'"),
-        (
-            ["fall", "--dt", "1/70"],
-            "--dt 1/70: dt = 0.0142857 s does not divide the frame of 1/60 s (next to it: 1/60, 1/120)",
-        ),
-        (["fall", "--dt", "0"], "--dt 0: dt = 0 s does not divide the frame of 1/60 s (such as 1/240)"),
-        (["fall", "--dt", "1/x"], "--dt 1/x: expected a step in seconds, such as 1/240 or 0.005"),
-        (
-            ["fall", "--engine", "mujoco", "--set", "bullet.solref=1"],
-            "--set bullet: unknown setting 'solref'",
-        ),
-        (["fall", "--set", "impratoi=1,2"], "--set reference: unknown setting 'impratoi'"),
-        (
-            ["fall", "--engine", "mujoco", "--set", "impratio=1,x"],
-            "--set mujoco: impratio: found 'x' (valid: 0.001 to",
-        ),
-        (["fall", "--seed", "0,x"], "--seed 0,x: found 'x', expected numbers such as 0,1,2"),
-        (["fall", "--timing", "--dask", "local"], "--timing --dask: times are measured on this machine"),
-        (["fall", "--part", "3/3"], "--part 3/3: expected K/N with K from 0 to N - 1"),
-    ],
-)
-def test_wrong_input_is_one_line(touchstone, arguments, said):
-    """The place and the valid choices are named, nothing is written."""
-    code, out, err = touchstone("sweep", *arguments)
-    assert (code, out) == (2, "")
-    assert err.startswith(f"touchstone: {said}")
-    assert err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["fal", "--overlap", "1mm"], "unknown scenario 'fal'"),
-        (["fall", "--overlap", "1"], "--overlap 1: no unit; valid: m, cm, mm, um"),
-        (["fall", "--energy", "1J"], "--energy 1J: unit 'J'; valid: %"),
-        (["fall", "--frame-budget", "4m"], "--frame-budget 4m: unit 'm'; valid: s, ms, us"),
-        (["fall"], "cheapest: give a tolerance, such as --overlap 1mm"),
-        (["fall", "--overlap", "1mm", "--engine", "bulet"], "unknown engine 'bulet'; did you mean 'bullet'"),
-    ],
-)
-def test_a_wrong_question_is_one_line(touchstone, arguments, said):
-    """Tolerances need a unit of their quantity; names are checked."""
-    code, out, err = touchstone("cheapest", *arguments)
-    assert (code, out) == (2, "")
-    assert err.startswith(f"touchstone: {said}")
-    assert err.count("\n") == 1
-
-
 def test_a_sweep_is_printed_and_kept(touchstone, tmp_path):
     """Steps and settings make cells, the second call measures none, another version is refused."""
     asked = (

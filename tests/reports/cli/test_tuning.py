@@ -18,50 +18,6 @@ from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.write import scene_toml
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["fall", "--position", "1mm"], "tune: name the engine"),
-        (["fal", "--engine", "mujoco", "--position", "1mm"], "unknown scenario 'fal'; did you mean 'fall'"),
-        (
-            ["fall", "--engine", "mujocu", "--position", "1mm"],
-            "unknown engine 'mujocu'; did you mean 'mujoco'",
-        ),
-        (["fall", "--engine", "mujoco", "--position", "1"], "--position 1: no unit; valid: m, cm, mm, um"),
-        (["fall", "--engine", "mujoco", "--friction", "2mm"], "--friction 2mm: unit 'mm'; valid: %"),
-        (["fall", "--engine", "mujoco", "--frame-budget", "2ms"], "tune: give a limit on an error"),
-        (["fall", "--engine", "mujoco"], "tune: give a limit on an error"),
-        (["--engine", "mujoco", "--position", "1mm"], "tune: name one scene, or a tag by --scenes"),
-        (["--scenes", "prob", "--engine", "mujoco", "--position", "1mm"], "unknown tag 'prob'"),
-    ],
-)
-def test_a_wrong_search_is_one_line(touchstone, arguments, said):
-    """The place and the valid choices are named, nothing is played."""
-    code, out, err = touchstone("tune", *arguments)
-    assert (code, out) == (2, "")
-    assert err.startswith(f"touchstone: {said}")
-    assert err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["fal", "--engine", "mujoco"], "unknown scenario 'fal'"),
-        (["fall", "--engine", "mujocu"], "unknown engine 'mujocu'"),
-        (["fall", "--engine", "mujoco", "--profile", "best"], "unknown profile 'best'"),
-        (["fall", "--engine", "mujoco", "--dt", "1/70"], "--dt 1/70: dt = 0.0142857 s does not divide"),
-        (["fall", "--engine", "mujoco", "--set", "cone=flat"], "--set mujoco: cone: found 'flat'"),
-        (["fall", "--engine", "reference"], "fall: reference: no scripts in its own API are written for it"),
-    ],
-)
-def test_a_wrong_script_is_one_line(touchstone, arguments, said):
-    """The place and the valid choices are named, nothing is written."""
-    code, out, err = touchstone("reproduce", *arguments, "--quiet")
-    assert (code, out) == (2, "")
-    assert err.startswith(f"touchstone: {said}")
-    assert err.count("\n") == 1
-
-
 @pytest.mark.parametrize("engine", ["mujoco", "bullet", "dart", "drake"])
 def test_values_are_valid_and_reach_every_setting(engine):
     """Every setting has another value than its profiles', and the table takes all of them."""

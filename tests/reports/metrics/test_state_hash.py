@@ -38,6 +38,7 @@ def test_a_bit_changes_the_hash(recording):
     assert state_hash(replace(recording, time_frame=recording.time_frame + 1)) == state_hash(recording)
 
 
+@pytest.mark.spawned
 def test_fresh_processes_and_their_number_do_not_change_the_hash(recording, tmp_path):
     """One process or two, whatever they played before: the same hash as in this process."""
     others = [

@@ -173,18 +173,3 @@ def test_names_are_unique(spheres):
     spheres.write_text(spheres.read_text().replace("touch", "over"))
     with pytest.raises(SceneFileError, match=r"pairs\[1\]\.name: found 'over', expected a name of its own"):
         read_pairs(spheres)
-
-
-@pytest.mark.parametrize(
-    ("pairs", "line"),
-    [
-        ("many", "--pairs many: expected a number of pairs, or a file .json or .toml"),
-        ("missing.json", "missing.json: No such file or directory"),
-        ("-3", "--pairs -3: expected at least"),
-        ("99999999999", "--pairs 99999999999: expected at most 10000000"),
-    ],
-)
-def test_wrong_pairs_are_one_line(touchstone, pairs, line):
-    """Neither a number nor a file."""
-    code, _, err = touchstone("study", "narrow-phase", "--pairs", pairs)
-    assert (code, line in err) == (2, True), err

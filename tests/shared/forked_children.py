@@ -1,0 +1,40 @@
+"""Child processes that are forked in place of spawned, for tests that are about what children do."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+from multiprocessing.reduction import ForkingPickler
+from types import SimpleNamespace
+
+import pytest
+
+from touchstone.adapters.workers import process
+
+
+class Forks:
+    """Context of child processes that have what this process has imported: a spawned one imports for 2 s."""
+
+    Pipe = staticmethod(multiprocessing.get_context("fork").Pipe)
+
+    @staticmethod
+    def Process(target, args, daemon):
+        """A process whose arguments are pickled as those of a spawned one."""
+        pipe, *others = args
+        others = ForkingPickler.loads(ForkingPickler.dumps(others))
+        fork = multiprocessing.get_context("fork")
+        return fork.Process(target=_forked, args=(target, pipe, *others), daemon=daemon)
+
+
+def _forked(target, *args):
+    """Print to the file descriptors, which pytest replaced."""
+    sys.stdout, sys.stderr = (os.fdopen(k, "w", closefd=False) for k in (1, 2))
+    target(*args)
+
+
+@pytest.fixture
+def forked(monkeypatch):
+    """Fork child processes."""
+    forking = SimpleNamespace(**vars(multiprocessing) | {"get_context": lambda _: Forks})
+    monkeypatch.setattr(process, "multiprocessing", forking)
