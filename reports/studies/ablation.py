@@ -64,6 +64,8 @@ METRICS = (
 """What is measured of scenes with limits."""
 PATIENCE = 20.0
 """Time of the frames of a scene, over that as landed plus a second, at which a run is cut off [1]."""
+HANGING = 900.0
+"""Time without an answer after which a variation counts as endless [s]: the first one may compile."""
 FLOOR = 1e-12
 """Error against a closed form that counts as none, in the metric's unit."""
 LISTED = 3
@@ -250,7 +252,7 @@ def variations(only: Sequence[str], profile: str, scenes: int) -> list[Variation
 def run(asked: Sequence[Variation], out: Path, progress: Progress) -> pd.DataFrame:
     """Play all variations; the folder appears complete or not at all."""
     with output_folder(out) as folder:
-        found = played(measure, asked, folder / "output", progress, loader=loaded, patience=3600.0)
+        found = played(measure, asked, folder / "output", progress, loader=loaded, patience=HANGING)
         rows = [row for task, one in zip(asked, found) for row in rows_of(task, one)]
         facts = {"study": STUDY, "factor": FACTOR, "scenes": list(_cases(asked[0].scenes))}
         return kept(rows, folder, facts, {"ablation.png": mechanisms_picture})
