@@ -280,7 +280,7 @@ def run(columns: Sequence[Column], out: Path, progress: Progress) -> pd.DataFram
         for task, one in zip(asked, played(errors, asked, folder / "output", progress)):
             rows += rows_of_task(task, one)
         facts = {"study": STUDY, "sizes": SIZES, "starts": STARTS}
-        return kept(rows, folder, facts, {"gradients.png": errors_picture})
+        return kept(rows, folder, facts, {"gradients.png": errors_picture} if asked else {})
 
 
 def rows_of_task(task: Task, found: Array | Ended) -> list[Row]:

@@ -93,7 +93,12 @@ def run(
             "body": {"half_extents": box.half_extents, "mass": box.mass, "inertia": box.inertia},
             "table height [m]": table.floor,
         }
-        return kept([*missing_rows(STUDY, columns), *rows], folder, facts, {"tosses.png": errors_picture})
+        return kept(
+            [*missing_rows(STUDY, columns), *rows],
+            folder,
+            facts,
+            {"tosses.png": errors_picture} if asked else {},
+        )
 
 
 def prepared(box: Box, tosses: Sequence[Toss], seed: int = 0) -> tuple[Table, list[Flown], list[Row]]:
