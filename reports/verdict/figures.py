@@ -182,23 +182,25 @@ def wall_crossing(context: Context, wall: Wall) -> tuple[int, int, int] | None:
     return best
 
 
-def rest(context: Context, checks: Checks) -> dict[str, tuple[float, float]]:
-    """Displacement [m] and root mean square surface speed [m/s] of each simulated body at rest, by name.
+def rest(context: Context, checks: Checks) -> dict[str, tuple[float, float, float]]:
+    """Displacements in the first and in the second half of rest [m], and root mean square surface speed
+    [m/s], of each simulated body by name.
 
-    Both count the rotation at the body's farthest point.
+    All count the rotation at the body's farthest point.
     """
     r = context.recording
-    late = r.time >= checks.rest_from - 1e-9
-    if late.sum() < 2:
+    late = np.flatnonzero(r.time >= checks.rest_from - 1e-9)
+    if len(late) < 3:
         return {}
     outer = outer_radii(context)
     found = {}
     for k in context.simulated:
-        centers = context.mass_centers[late, k]
-        turns = Rotation.from_quat(r.orientation[late, k], scalar_first=True)
-        turned = float((turns[-1] * turns[0].inv()).magnitude())
-        way = float(np.linalg.norm(centers[-1] - centers[0])) + outer[k] * turned
+        ends = late[[0, len(late) // 2, -1]]
+        turns = Rotation.from_quat(r.orientation[ends, k], scalar_first=True)
+        ways = np.linalg.norm(np.diff(context.mass_centers[ends, k], axis=0), axis=1)
+        ways = ways + outer[k] * (turns[1:] * turns[:-1].inv()).magnitude()
         speed = np.linalg.norm(r.linear_velocity[late, k], axis=1)
         speed = speed + outer[k] * np.linalg.norm(r.angular_velocity[late, k], axis=1)
-        found[context.scenario.bodies[k].name] = (way, float(np.sqrt(np.mean(speed**2))))
+        rms = float(np.sqrt(np.mean(speed**2)))
+        found[context.scenario.bodies[k].name] = (float(ways[0]), float(ways[1]), rms)
     return found

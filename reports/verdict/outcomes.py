@@ -224,15 +224,19 @@ def _rest(context: Context, checks: Checks, figures: dict[str, float]) -> Iterat
     found = measures.rest(context, checks)
     if not found:
         return
-    seconds = float(context.recording.time[-1]) - checks.rest_from
-    figures["creep [m]"] = max(way for way, _ in found.values())
-    figures["jitter [m/s]"] = max(speed for _, speed in found.values())
-    for name, (way, speed) in found.items():
-        if speed > checks.jitter and speed > SHAKING * way / seconds:
+    seconds = (float(context.recording.time[-1]) - checks.rest_from) / 2
+    settled, drift, shaking = (max(values) for values in zip(*found.values()))
+    figures |= {"rest.settled [m]": settled, "rest.drift [m]": drift, "jitter [m/s]": shaking}
+    most = checks.overlap + checks.creep
+    for name, (first, way, speed) in found.items():
+        if speed > checks.jitter and speed > SHAKING * max(way, first) / seconds:
             yield "jitter", f"{name!r} shakes at {speed:.2g} m/s (tolerance {checks.jitter:g} m/s)"
-        elif way > checks.creep:
+        elif way > checks.creep / 2:
             what = "creep" if way / seconds <= CREEPING else "inaccurate"
-            yield what, f"{name!r} moves {way:.2g} m in {seconds:g} s of rest (tolerance {checks.creep:g} m)"
+            limit = f"tolerance {checks.creep / 2:g} m"
+            yield what, f"{name!r} drifts by {way:.2g} m in the last {seconds:g} s ({limit})"
+        elif first > most:
+            yield "inaccurate", f"{name!r} settles by {first:.2g} m (tolerance {most:g} m)"
 
 
 def _ends(context: Context, checks: Checks) -> Iterator[Finding]:

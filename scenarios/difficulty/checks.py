@@ -46,7 +46,8 @@ class Checks:
         speed: speed of a body beyond which the scene has exploded [m/s]; inf: by energy only.
         tracked: largest distance of a link from its tracked place in the last frame [m]; inf: not checked.
         rest_from: time from which simulated bodies must be at rest [s]; inf: never.
-        creep: largest displacement of a body from then on [m].
+        creep: largest displacement of a body over that time, at the pace of its second half [m]; in the first
+            it may also settle by `overlap`.
         jitter: largest root mean square speed of a body's surface from then on [m/s].
         walls: planes that no centre may cross.
         regions: where bodies must be in the last frame.

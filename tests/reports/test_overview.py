@@ -74,7 +74,7 @@ def test_every_column_has_the_same_limits():
 
 def test_one_cause_counts_once():
     """A cause that shows in six metrics is one, however often it is listed."""
-    names = ("overlap.max", "contact.gap", "energy.gain", "friction.creep", "rest.moved", "joint.limit")
+    names = ("overlap.max", "contact.gap", "energy.gain", "friction.creep", "rest.drift", "joint.limit")
     rows = [
         row("a", 1, name, 1.0, verdict="known", reason="of x; it is soft", reproduce=f"touchstone run {name}")
         for name in names

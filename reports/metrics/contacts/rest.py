@@ -31,17 +31,33 @@ def rest_lost(context: Context) -> Values:
     return {"": float((~inside.all(axis=1)).sum())}
 
 
-def rest_moved(context: Context) -> Values:
-    """Largest distance of the centre of mass of a resting body from its closed form [m]; truth 0."""
+def rest_settled(context: Context) -> Values:
+    """Largest distance of the centre of mass of a resting body from its closed form in the first half of the
+    run [m]: what a soft contact gives; truth 0."""
+    return worst({name: float(away.max()) for name, (away, _) in _resting(context).items()})
+
+
+def rest_drift(context: Context) -> Values:
+    """Largest distance of the centre of mass of a resting body, in the second half of the run, from its place
+    half way [m]; truth 0."""
+    return worst({name: float(moved.max()) for name, (_, moved) in _resting(context).items()})
+
+
+def _resting(context: Context) -> dict[str, tuple[Array, Array]]:
+    """Bodies at rest by the scene's truth: distances from it in the first half (f / 2,) [m], and from the
+    place half way in the second (f / 2,) [m]."""
     found = {}
     for truth in context.scenario.truths:
         if truth.arcs and not any(any((*arc.velocity, *arc.acceleration)) for arc in truth.arcs):
             body = context.scenario.body_index(truth.body)
-            error = context.mass_centers[:, body] - context.truths[body].position
-            found[truth.body] = float(np.linalg.norm(error, axis=1).max())
+            places = context.mass_centers[:, body]
+            away = np.linalg.norm(places - context.truths[body].position, axis=1)
+            middle = len(places) // 2
+            half = places[middle:]
+            found[truth.body] = away[: middle + 1], np.linalg.norm(half - half[0], axis=1)
     if not found:
         raise NotMeasured("by the scene's truth no body rests all the time")
-    return worst(found)
+    return found
 
 
 def _require(context: Context) -> None:

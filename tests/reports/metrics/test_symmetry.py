@@ -52,15 +52,18 @@ def test_no_symmetry_without_partners(recordings, known):
         known.value("symmetry.mirror", recordings.recording(wrong), wrong)
 
 
-def test_what_must_rest_is_found_to_move(recordings, known):
-    """Tell the farthest of what must stay where it is, at its worst frame."""
+def test_what_settles_does_not_drift(recordings, known):
+    """Tell the farthest of what must stay in the first half, and of what moves on in the second."""
     scenario = catalogue()["tower_10"]
     still = recordings.recording(scenario)
-    assert known.value("rest.moved", still, scenario)[""].value == 0.0
+    middle = len(still.time) // 2
     position = still.position.copy()
-    position[7, 3] += (3e-3, 0.0, -4e-3)
-    position[9, 5] += (1e-3, 0.0, 0.0)
-    found = known.value("rest.moved", replace(still, position=position), scenario)[""]
-    assert (found.value, found.reason) == (pytest.approx(5e-3, rel=1e-12), "of box_3")
-    with pytest.raises(NotMeasured, match="no body rests"):
-        known.value("rest.moved", recordings.recording(catalogue()["fall"]), catalogue()["fall"])
+    position[7:, 3] += (3e-3, 0.0, -4e-3)
+    position[middle + 9, 5] += (1e-3, 0.0, 0.0)
+    moved = replace(still, position=position)
+    for metric, value, body in (("rest.settled", 5e-3, "box_3"), ("rest.drift", 1e-3, "box_5")):
+        assert known.value(metric, still, scenario)[""].value == 0.0
+        found = known.value(metric, moved, scenario)[""]
+        assert (found.value, found.reason) == (pytest.approx(value, rel=1e-9), f"of {body}")
+        with pytest.raises(NotMeasured, match="no body rests"):
+            known.value(metric, recordings.recording(catalogue()["fall"]), catalogue()["fall"])
