@@ -90,7 +90,8 @@ def band_of(codes: Mapping[str, Code], horizon: int, least: float, closed: Array
     change = {name: distance(one.fine, one.finer, horizon) for name, one in codes.items()}
     paths = {name: one.finer for name, one in codes.items() if change[name] <= within}
     apart = {
-        frozenset(pair): distance(*(paths[name] for name in pair), horizon) for pair in combinations(paths, 2)
+        frozenset((one, other)): distance(paths[one], paths[other], horizon)
+        for one, other in combinations(paths, 2)
     }
     if closed is not None:
         group = tuple(name for name in paths if distance(paths[name], closed, horizon) <= within)

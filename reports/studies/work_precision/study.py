@@ -327,8 +327,8 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str) -> None:
         color, wide = _look(str(engine))
         axes.plot(mine.time, mine.drawn, marker=marker_of(str(engine)), color=color, zorder=2, **POINT)
         axes.step(front.time, front.drawn, where="post", color=color, linewidth=wide, zorder=3)
-        line = {"color": color, "marker": marker_of(str(engine)), "linestyle": "none", "markersize": 3.5}
-        axes.plot(front.time, front.drawn, zorder=4, **line)
+        mark = marker_of(str(engine))
+        axes.plot(front.time, front.drawn, mark, color=color, markersize=3.5, zorder=4)
         # the band: from the least to the largest of the rounds
         axes.hlines(front.drawn, front.time_low, front.time_high, color=color, linewidth=2.5, alpha=0.3)
     low, high = part.drawn.min(), part.drawn.max()
@@ -350,8 +350,11 @@ def _legend(table: pd.DataFrame) -> list[Line2D]:
     handles = []
     for engine in dict.fromkeys(table.engine):
         color, wide = _look(engine)
-        marker = {"marker": marker_of(engine), "markersize": 4}
-        handles.append(Line2D([], [], label=f"{engine}: own front", color=color, linewidth=wide, **marker))
+        label = f"{engine}: own front"
+        line = Line2D(
+            [], [], label=label, color=color, linewidth=wide, marker=marker_of(engine), markersize=4
+        )
+        handles.append(line)
     handles.append(Line2D([], [], label="other settings", color=PALE, marker="o", **POINT))
     handles.append(Line2D([], [], label="tolerance", **TOLERANCE))
     return handles
