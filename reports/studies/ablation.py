@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.ticker import FixedLocator, NullLocator
 from rich.console import Console
 from scipy.stats import bootstrap
 
@@ -280,39 +281,29 @@ def rows_of(task: Variation, found: Effect | Ended) -> Iterator[Row]:
         yield with_interval(replace(base, metric="ablation.time"), interval)
 
 
-HEADS = (
-    "varied",
-    "value",
-    "change",
-    "moves",
-    "breaks",
-    "mends",
-    "error",
-    "time of a frame",
-    "breaks, for example",
-)
+HEADS = ("varied", "value", "change", "moves", "breaks", "mends", "error", "time")
 NOTES = (
     "moves: scenes whose motion differs in any bit; breaks, mends: limits and classes of outcome that are",
     "broken or kept other than as landed; error: geometric mean of its ratio against closed forms; time: of",
-    "a frame, median ratio over scenes, with its interval of 95 %.",
+    "a frame, median ratio over scenes, with its interval of 95 %. What breaks:",
 )
 
 
 def lines_of(frame: pd.DataFrame) -> list[list[str]]:
-    """One line per variation, in the order of the rows, as in HEADS."""
+    """One line per variation, in the order of the rows, as in HEADS; constants without their folder."""
     values = {f"{one.module}.{one.name}": one.value for one in variable.constants()}
     lines = []
     for subject, part in frame.groupby("subject", sort=False):
         name, change = _split(str(subject))
         rows: dict[str, Any] = {str(row["metric"]): row for row in part.to_dict("records")}
-        line = [name, number(values[name]) if name in values else "", change]
+        short = ".".join(name.split(".")[-2:])
+        line = [short, number(values[name]) if name in values else "", change]
         for metric in ("ablation.changed", "ablation.broken", "ablation.mended"):
             value = float(rows[metric]["value"]) if metric in rows else nan
             line.append("ended" if isnan(value) else f"{value:.0f}")
         error, time = rows.get("ablation.error"), rows.get("ablation.time")
         line.append(f"{error['value']:.3g}" if error else "")
         line.append(f"{time['value']:.2f} ({time['low']:.2f} to {time['high']:.2f})" if time else "")
-        line.append(str(rows["ablation.broken"]["reason"]))
         lines.append(line)
     return lines
 
@@ -332,9 +323,12 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         table.add_row(*line)
     out.print(table)
     print_notes(NOTES, out)
+    broken = frame[(frame.metric == "ablation.broken") & (frame.reason != "")]
+    for subject, reason in zip(broken.subject, broken.reason):
+        out.print(f"{subject}: {reason}", highlight=False, soft_wrap=True)
     still = idle(frame)
     if still:
-        out.print(f"moves no scene in either direction: {', '.join(still)}", highlight=False, soft_wrap=True)
+        out.print(f"\nmoves no scene in either direction: {', '.join(still)}", highlight=False)
 
 
 def idle(frame: pd.DataFrame) -> list[str]:
@@ -368,6 +362,10 @@ def mechanisms_picture(frame: pd.DataFrame, path: Path) -> None:
                 right.plot(middle, k, "o", color=color_of(ENGINE), markersize=4)
         right.axvline(1.0, color=PALE, linewidth=0.9, linestyle=":")
         right.set_xscale("log")
+        right.xaxis.set_major_locator(FixedLocator((0.5, 0.7, 1, 1.4, 2)))
+        right.xaxis.set_major_formatter("{x:g}")
+        right.xaxis.set_minor_locator(NullLocator())
+        left.set_ylim(-0.7, len(parts) - 0.3)
         right.set_xlabel("time of a frame without it, over that with it [1]", color=INK)
         for axes in (left, right):
             open_axes(axes, "x")

@@ -51,6 +51,8 @@ def test_a_perturbation_moves_every_simulated_body_by_its_size() -> None:
 def test_transforms_have_inverses() -> None:
     """Come back by mirroring twice, by the inverse order, and by the opposite way to rounding."""
     for scene in (*SCENES, *(catalogue()[name] for name in ("slip", "collide_sticks", "ball_snip"))):
+        # a value that was published is of the scene as it stands
+        scene = replace(scene, published=())
         assert mirrored(mirrored(scene)) == scene
         order = np.random.default_rng(1).permutation(len(scene.bodies))
         there = permuted(scene, order.tolist())

@@ -80,7 +80,6 @@ class Mechanism:
 MECHANISMS: tuple[Mechanism, ...] = (
     Mechanism("fat bounds", "broad_phase.fat_bounds", "inside_fat_bounds", "False"),
     Mechanism("frames without contact", "broad_phase.fat_bounds", "is_isolated", "False"),
-    Mechanism("warm start of depth", "geometry.depth_warm_start", "is_empty", "True"),
     Mechanism("cached box faces", "geometry.depth_warm_start", "_on_box_face", "False"),
     Mechanism("segments in closed form", "geometry.capsule_distance", "have_segments", "False"),
     Mechanism("internal edges", "contact.internal_edges", "align_internal_edges"),

@@ -22,8 +22,9 @@ BALL = [{"name": "ball", "shape": {"radius": 0.05}}]
 
 @pytest.mark.parametrize("form", ["table", "json", "csv"])
 @pytest.mark.parametrize("what", ["scenarios", "engines", "metrics", "profiles"])
-def test_lists_in_every_format(touchstone, what, form):
+def test_lists_in_every_format(touchstone, monkeypatch, what, form):
     """Each list names all there is, parses in its format, and writes nothing else."""
+    monkeypatch.setenv("COLUMNS", "120")
     code, out, err = touchstone("list", what, "--format", form)
     assert (code, err) == (0, "")
     wanted = {

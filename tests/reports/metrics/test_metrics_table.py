@@ -22,8 +22,9 @@ OF_PROBES = (
 ELSEWHERE = (
     *("events.meet", "events.part", "friction.coast"),
     *("joint.cone", "posture.deviation", "posture.over_best"),
+    *("impact.law", "published.error"),
 )
-"""Metrics of other scenes of the gallery than `ball_snip`."""
+"""Metrics of other scenes than `ball_snip`."""
 
 USUAL = ("ball_snip", "wall_push")
 """A hand's scene and a person's: most metrics are measured in them; others of the gallery are slow tests."""

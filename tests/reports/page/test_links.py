@@ -85,7 +85,7 @@ def test_scenes_beyond_the_budget_keep_their_target(many, monkeypatch):
     assert len(parts) == SCENES
     assert "median frame time" in parts[0]
     assert "Figures that miss a limit" in parts[-1]
-    assert "motion at rest" in parts[-1]
+    assert "drift at rest" in parts[-1]
     assert "median frame time" not in parts[-1]
 
 
@@ -94,7 +94,7 @@ def test_broken_limits_come_before_the_matrix(many):
     text = page(many)
     part = text[text.index('<details id="broken" open>') : text.index('<table class="matrix">')]
     assert "2 broken limits" in part
-    assert part.index("motion at rest") < part.index("mean frame time")
+    assert part.index("drift at rest") < part.index("mean frame time")
     assert "<td>20.0\xa0mm</td><td>1.00\xa0mm</td>" in part
     assert f'<a href="#scene-scene_{SCENES - 1}">' in part
 

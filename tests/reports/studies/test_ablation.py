@@ -61,8 +61,7 @@ def test_a_line_tells_what_a_variation_buys_and_costs(frame):
     lines = {(line[0], line[2]): line for line in lines_of(frame)}
     assert lines[GUARD, "off"][3:7] == ["2", "1", "0", "4"]
     assert lines[GUARD, "off"][7].startswith("0.60 (0.5")
-    assert lines[GUARD, "off"][8] == "wall energy.injected"
-    assert lines[CAP, "times 4"][1:7] == ["64.0", "times 4", "0", "0", "0", ""]
+    assert lines["gjk.GJK_CAP", "times 4"][1:7] == ["64.0", "times 4", "0", "0", "0", ""]
     assert lines["frame.TIME_MIN", "times 4"][3:6] == ["ended"] * 3
     assert idle(frame) == [CAP]
 
@@ -71,6 +70,7 @@ def test_the_table_and_the_picture_show_it(frame, tmp_path):
     """The table says what moves nothing; the picture is drawn."""
     out = Console(width=160, file=StringIO())
     show(frame, out)
+    assert "energy guard off: wall energy.injected" in out.file.getvalue()
     assert f"moves no scene in either direction: {CAP}" in out.file.getvalue()
     mechanisms_picture(frame, tmp_path / "ablation.png")
     assert (tmp_path / "ablation.png").stat().st_size > 5000

@@ -18,7 +18,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
 from touchstone.reports.studies import effects
 from touchstone.reports.studies.calibration.probes import SHAPES
-from touchstone.reports.studies.calibration.rows import ALL, LARGEST
+from touchstone.reports.studies.calibration.rows import ALL, LARGEST, SLOW
 from touchstone.reports.studies.inverse_kinematics import MEASURED, SOLVERS, STARTS
 from touchstone.reports.studies.predictability import ERROR
 from touchstone.reports.studies.robustness import study as robustness
@@ -94,9 +94,10 @@ def test_every_entry_names_what_exists(entry):
         assert entry.scenario in ("", *effects.GROUPS)
         assert entry.subject in ("", effects.ALL, *(f"+{effect}" for effect in PLANNED))
         return
-    assert entry.metric in (*METRICS, *spread, *LARGEST.values(), ERROR, "run")
+    calibrated = (*LARGEST.values(), SLOW)
+    assert entry.metric in (*METRICS, *spread, *calibrated, ERROR, "run")
     assert entry.engine in ("", *OF_THE_PROJECT)
-    places = (ALL, *SHAPES) if entry.metric in LARGEST.values() else (*catalogue(), *tags())
+    places = (ALL, *SHAPES) if entry.metric in calibrated else (*catalogue(), *tags())
     assert entry.scenario in ("", *places)
     profiles = (
         OF_THE_PROJECT[entry.engine].profiles
@@ -106,10 +107,11 @@ def test_every_entry_names_what_exists(entry):
     assert entry.profile.replace(NOISY, "") in ("", *profiles)
     bodies = {body.name for scenario in catalogue().values() for body in scenario.bodies}
     numbered = entry.subject.startswith("#") and entry.subject[1:].isdigit()
-    groups = ("all", "simulated", "driven") if entry.metric == "energy.injected" else ()
-    assert (
-        numbered or entry.subject in (*groups, "*") or set(filter(None, entry.subject.split("-"))) <= bodies
-    )
+    groups = {"energy.injected": ["all", "simulated", "driven"]}
+    if entry.metric == "published.error" and entry.scenario:
+        groups[entry.metric] = [one.name for one in catalogue()[entry.scenario].published]
+    named = entry.subject in (*groups.get(entry.metric, ()), "*")
+    assert numbered or named or set(filter(None, entry.subject.split("-"))) <= bodies
 
 
 @pytest.mark.parametrize("scene", HINGE_SPEED)
