@@ -18,7 +18,7 @@ run: $(READY)
 
 # all but the slow tests; the budget is in seconds of processor time
 test: $(READY)
-	$(PYTEST) --cpu-budget 1700 --hypothesis-profile repeatable $(ARGS)
+	$(PYTEST) --cpu-budget 1200 --hypothesis-profile repeatable $(ARGS)
 
 # what plays DART, Bullet and MuJoCo, slow tests too
 test-engines: $(READY)
