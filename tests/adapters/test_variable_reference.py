@@ -39,7 +39,7 @@ print(json.dumps({
 
 
 def test_constants_are_those_of_their_modules() -> None:
-    """Every constant has the value that its module gives it, a place, and a type that varying keeps."""
+    """Every constant has the value that its module gives it, and a type that varying keeps."""
     assert len(constants()) > 100
     for one in constants():
         value = getattr(importlib.import_module(f"touchstone.reference_impl.{one.module}"), one.name)

@@ -49,14 +49,6 @@ class Constant:
     value: float
     whole: bool
     """Whether it is an integer."""
-    line: int
-    summary: str
-    """First line of its docstring, with its unit."""
-
-    @property
-    def place(self) -> str:
-        """File and line."""
-        return f"reference_impl/{self.module.replace('.', '/')}.py:{self.line}"
 
     def times(self, factor: float) -> float:
         """The value varied by a factor: a share just below 1 by its distance from 1, a count by whole
@@ -132,12 +124,11 @@ def constants() -> tuple[Constant, ...]:
                 outside |= {_owner(module, name) for name in _names(node)}
     found = []
     for module, tree in _trees().items():
-        for node, after in zip(tree.body, [*tree.body[1:], None]):
+        for node in tree.body:
             for name in _assigned(node, values, module):
                 value, place = values[module, name], (module, name)
                 if place in read and place not in outside and name not in CODES and 0 < abs(value) < LARGEST:
-                    whole = isinstance(value, int)
-                    found.append(Constant(module, name, float(value), whole, node.lineno, _text(after)))
+                    found.append(Constant(module, name, float(value), isinstance(value, int)))
     return tuple(found)
 
 
@@ -200,12 +191,6 @@ def _assigned(node: ast.AST, values: Mapping[tuple[str, str], float], module: st
     several = [values[module, name] for name in names]
     steps = {later - one for one, later in pairwise(several)}
     return [] if steps == {1} and all(isinstance(one, int) for one in several) else names
-
-
-def _text(node: ast.AST | None) -> str:
-    """First line of the docstring of a constant, which stands below it."""
-    value = node.value if isinstance(node, ast.Expr) else None
-    return str(value.value).split("\n", 1)[0] if isinstance(value, ast.Constant) else ""
 
 
 def _is_kernel(node: ast.AST) -> bool:
