@@ -24,6 +24,7 @@ from scipy.stats import bootstrap
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings, State
 from touchstone.adapters.engines.reference import variable
+from touchstone.adapters.engines.reference.settings import PAPER
 from touchstone.adapters.recorder import build, frame_seconds, ready
 from touchstone.adapters.registry import load
 from touchstone.reports.cli.progress import Progress
@@ -234,8 +235,10 @@ def variations(only: Sequence[str], profile: str, scenes: int) -> list[Variation
     the texts.
 
     Raises:
-        RefusedError: no name has one of them.
+        RefusedError: no name has one of them, or the profile has none of these mechanisms.
     """
+    if profile == PAPER:
+        raise RefusedError("profile paper has none of the mechanisms that vary: it is the method as printed")
     settings = Settings(profile, own_step(ENGINE, profile))
     asked = [Variation(settings, one.name, OFF, scenes=scenes) for one in variable.MECHANISMS]
     for one in variable.constants():

@@ -54,6 +54,8 @@ def test_everything_is_varied_and_names_choose():
     assert (chosen[0].subject, isnan(chosen[0].value)) == (GUARD, True)
     with pytest.raises(RefusedError, match="called 'NO_SUCH'"):
         variations(["NO_SUCH"], "balanced", 3)
+    with pytest.raises(RefusedError, match="profile paper"):
+        variations((), "paper", 3)
 
 
 def test_a_line_tells_what_a_variation_buys_and_costs(frame):
