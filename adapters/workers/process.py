@@ -29,6 +29,9 @@ PATIENCE = 120.0
 COMPILE_PATIENCE = 900.0
 """The same for commands that may compile the reference [s]: 54 s on the machine of the measurements."""
 
+STARTED = "started"
+"""First message of a child: its interpreter and the modules of its server are there."""
+
 WAITING = 1.0
 """Interval at which a parent is notified that it still waits [s]."""
 
@@ -137,6 +140,7 @@ class ChildProcess:
         self.failure: tuple[str, str] | None = None
         self.hung = False
         self._patience = patience
+        self._up = False
         self._pipe, theirs = context.Pipe()
         known, by_kernel = dict(ENGINES), threading.current_thread() is threading.main_thread()
         self._process = context.Process(
@@ -156,13 +160,15 @@ class ChildProcess:
                 self._died()
 
     def receive(self, at_least: float = 0.0, waiting: Callable[[], None] | None = None) -> Any:
-        """Wait for the answer to the last command, for the child's patience or `at_least` so long [s]; None
-        if the child has failed. `waiting` is called every second meanwhile."""
+        """Wait for the answer to the last command, for the child's patience or `at_least` so long [s] once it
+        has started; None if the child has failed. `waiting` is called every second meanwhile."""
         if self.failure is not None:
             return None
         patience = max(self._patience, at_least)
         try:
-            if not self._answered(patience, waiting):
+            if not self._up and self._answered(max(PATIENCE, patience), waiting):
+                self._up = self._pipe.recv() == STARTED
+            if not self._up or not self._answered(patience, waiting):
                 self.hung = True
                 self._fail("error", f"hung: no answer to '{self._command}' for {patience:g} s")
                 return None
@@ -223,6 +229,7 @@ def obey(
 
     `engines` are those that the parent knows, plug-ins included.
     """
+    pipe.send(STARTED)
     ENGINES.update(engines)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     if (parent := multiprocessing.parent_process()) is not None and parent.pid is not None:

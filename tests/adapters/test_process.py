@@ -1,4 +1,4 @@
-"""Child processes: one thread of linear algebra each."""
+"""Child processes: their start, their patience, one thread of linear algebra each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import threading
 
 import pytest
 
-from touchstone.adapters.workers.process import THREADS, interrupt_held, one_thread
+from touchstone.adapters.workers.process import THREADS, ChildProcess, interrupt_held, one_thread
 
 
 def test_ctrl_c_that_another_thread_receives_is_held_back() -> None:
@@ -46,3 +46,15 @@ def test_children_have_one_thread_and_the_parent_keeps_its_own(monkeypatch) -> N
     assert child.stdout.strip() == str(["1"] * len(THREADS))
     assert os.environ[THREADS[0]] == "7"
     assert THREADS[1] not in os.environ
+
+
+def test_patience_counts_from_the_start_of_the_child(tmp_path, monkeypatch) -> None:
+    """A child whose imports take longer than its patience, and that answers at once, does not hang."""
+    server = "class Server:\n    def handle(self, command, _):\n        return command\n"
+    (tmp_path / "slow_server.py").write_text(f"import time\ntime.sleep(1.0)\n{server}")
+    monkeypatch.syspath_prepend(tmp_path)
+    from slow_server import Server
+
+    child = ChildProcess(Server, (), tmp_path / "output.txt", patience=0.5)
+    assert (child.ask("hello"), child.failure) == ("hello", None)
+    child.stop()
