@@ -283,7 +283,7 @@ def _substep(world, touching, time, h):
     if drifted:
         moved = separate_simulated(world, touching)
     state["unpaid_energy"] = 0.0
-    guard_energy(world, moved, drifted, first_held, fraction == 1)
+    guard_energy(world, moved, drifted, first_held, fraction == 1, fraction * h)
     return h, fraction
 
 

@@ -216,7 +216,7 @@ def _velocity_on(body, v, w, lever):
 @kernel
 def _mean_velocity(body, lever):
     """Mean of the velocities before and after the substep that set the path of a body."""
-    if body["kind"] != SIMULATED:
+    if not is_moving(body):
         return 0.0, 0.0, 0.0
     x, y, z = point_velocity(body["old_velocity"], body["old_omega"], body["old_center"], lever)
     v, w = body["velocity"], body["omega"]
@@ -230,11 +230,11 @@ def _mean_velocity(body, lever):
 def _end_velocity(body, found):
     """Velocity of a body at the end of the substep, at a contact found there; its angular momentum is that of
     the solution."""
-    if body["kind"] != SIMULATED:
+    if not is_moving(body):
         return 0.0, 0.0, 0.0
     c, v, w = body["center"], body["velocity"], body["omega"]
     x, y, z = w[0], w[1], w[2]
-    if not is_isotropic(body["inertia"]):
+    if body["kind"] == SIMULATED and not is_isotropic(body["inertia"]):
         own, r, m = body["scratch"], body["rotation"], body["end_omega"]
         invert_symmetric(body["inverse_inertia"], own)
         rotate(own, w, m)

@@ -5,8 +5,9 @@ rise over a substep: contact points and normals rotate with their bodies, the su
 before a separating contact has returned, and separation lifts overlapping bodies (`separation`). The guard
 measures this rise body by body and removes it from the island's motion. An island that touches a fixed body
 can lose all of its motion. A free island keeps its momenta: it loses only motion relative to one rigid body
-(`island_motion`). From the rise of an island on a moving surface of a fixed body the guard subtracts the work
-of that surface. It does not change islands that touch a driver.
+(`island_motion`). From the rise of an island on a moving surface the guard subtracts the surface's work. An
+island on prescribed bodies that all move alike, as under a constant force, is judged in their frame. The
+guard does not change islands that touch another driver.
 
 Of an island with curved contacts of round bodies it knows more: normal forces do no work there, and the rest
 is the work of friction along the mean sliding. It changes the motion until the energy changes by that, up
@@ -17,20 +18,21 @@ from math import sqrt
 
 from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.contact.separation import kinetic_energy
-from touchstone.reference_impl.continuous.contact_kinematics import is_round
+from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
 from touchstone.reference_impl.core.conventions import (
     ENERGY_ROUNDING,
-    FIXED,
     GUARD_SLOWED,
     GUARD_SUMMED,
     GUARD_UNVISITED,
     SIMULATED,
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.solver.islands import island_of, join_islands, mover_of
+from touchstone.reference_impl.solver.islands import is_head, island_of, join_islands, leads, mover_of
 
 MOST_RETURN = 0.01
 """Most relative increase of the velocities of an island that lost energy to the error of a substep [1]."""
+SAME_VELOCITY = 1e-9
+"""Difference of the velocities of bodies that carry an island alike: rounding of their paths [m/s]."""
 UNPAID_ROUNDING = 1e-12
 """Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""
 
@@ -52,8 +54,9 @@ def _height_energy(body, state):
 
 
 @inlined_kernel
-def guard_energy(world, count, parted, first, whole):
-    """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`.
+def guard_energy(world, count, parted, first, whole, h):
+    """Remove from each island of the rows `pairs[:count]` the energy that it gained since `note_energy`, a
+    time h ago [s].
 
     Args:
         count: number of contact rows and, if separation moved bodies, of the pairs that touch afterwards.
@@ -70,6 +73,10 @@ def guard_energy(world, count, parted, first, whole):
     for k in range(count):
         if pairs[k]["island"] >= 0:
             _sum_up(bodies, drivers, pairs[k], state)
+    if state["driven_loop"] == 1:
+        for k in range(count):
+            if is_head(bodies, pairs, k):
+                _judge_in_frame(bodies[pairs[k]["island"]]["guard"], h, state)
     if state["moving_surfaces"] == 1:
         for k in range(first, state["contact_count"]):
             _subtract_surface_work(bodies, world.contacts[k])
@@ -112,7 +119,10 @@ def _reset(bodies, drivers, pair):
             guard["grounded"] = guard["driven"] = guard["counted"] = guard["curved"] = 0
             guard["work"] = guard["rise"] = guard["motion"] = guard["scale"] = guard["mass"] = 0.0
             for i in range(3):
-                guard["momentum"][i] = guard["turning"][i] = 0.0
+                guard["momentum"][i] = guard["old_momentum"][i] = guard["moment"][i] = guard["turning"][i] = (
+                    0.0
+                )
+                guard["carrier"][i] = guard["old_carrier"][i] = guard["carrier_way"][i] = 0.0
 
 
 @inlined_kernel
@@ -123,9 +133,7 @@ def _sum_up(bodies, drivers, pair, state):
         b = pair["body_a"] if side == 0 else pair["body_b"]
         body = bodies[b]
         if mover_of(bodies, drivers, b) < 0 or body["driver"] >= 0:
-            island["grounded"] = 1
-            if body["driver"] >= 0:
-                island["driven"] = 1
+            _ground(island, body, leads(bodies, drivers, b))
         elif body["guard"]["state"] == GUARD_UNVISITED:
             body["guard"]["state"] = GUARD_SUMMED
             motion = kinetic_energy(body)
@@ -135,21 +143,55 @@ def _sum_up(bodies, drivers, pair, state):
             island["mass"] += body["mass"]
             for i in range(3):
                 island["momentum"][i] += body["mass"] * body["velocity"][i]
+                island["old_momentum"][i] += body["mass"] * body["old_velocity"][i]
+                island["moment"][i] += body["mass"] * (body["center"][i] - body["old_center"][i])
+
+
+@kernel
+def _ground(island, body, leads):
+    """Note that an island touches a body that it does not move, or a driver's link; it is `driven` if that
+    `leads`, or moves otherwise than the one before."""
+    for i in range(3):
+        v = u = way = 0.0
+        if is_moving(body):
+            v, u, way = (
+                body["velocity"][i],
+                body["old_velocity"][i],
+                body["center"][i] - body["old_center"][i],
+            )
+        if leads or (island["grounded"] == 1 and abs(v - island["carrier"][i]) > SAME_VELOCITY):
+            island["driven"] = 1
+        island["carrier"][i], island["old_carrier"][i], island["carrier_way"][i] = v, u, way
+    island["grounded"] = 1
+
+
+@kernel
+def _judge_in_frame(island, h, state):
+    """Turn an island's rise into that in the frame of its carrier, which moves from the velocity u to v in a
+    time h: with the momentum p and moment m x of its bodies, and the gravity g - (v - u) / h."""
+    v, u, g, m = island["carrier"], island["old_carrier"], state["gravity"], island["mass"]
+    for i in range(3):
+        pull, x = (v[i] - u[i]) / h, island["moment"][i]
+        island["rise"] += u[i] * island["old_momentum"][i] - v[i] * island["momentum"][i]
+        island["rise"] += m * (v[i] - u[i]) * (v[i] + u[i]) / 2
+        island["rise"] += pull * x + (g[i] - pull) * m * island["carrier_way"][i]
 
 
 @kernel
 def _subtract_surface_work(bodies, row):
-    """Subtract the work of a fixed body's moving surface from its island's rise."""
-    if bodies[row["body_a"]]["kind"] == FIXED:
+    """Subtract the work of the moving surface of a body that is not simulated, relative to that body, from
+    its island's rise."""
+    if bodies[row["body_a"]]["kind"] != SIMULATED:
         m, sign, before, after = row["body_b"], 0.5, row["velocity_a_before"], row["velocity_a_after"]
-    elif bodies[row["body_b"]]["kind"] == FIXED:
+    elif bodies[row["body_b"]]["kind"] != SIMULATED:
         m, sign, before, after = row["body_a"], -0.5, row["velocity_b_before"], row["velocity_b_after"]
     else:
         return
     if bodies[m]["kind"] == SIMULATED:
         island = bodies[island_of(bodies, m)]["guard"]
         for i in range(3):
-            island["rise"] -= sign * row["impulse"][i] * (before[i] + after[i])
+            surface = before[i] + after[i] - island["old_carrier"][i] - island["carrier"][i]
+            island["rise"] -= sign * row["impulse"][i] * surface
 
 
 @kernel

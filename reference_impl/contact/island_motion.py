@@ -142,9 +142,10 @@ def _turn_along(island, body):
 
 @kernel
 def rigid_velocity(island, point):
-    """Velocity at a point of an island that moves as one rigid body; 0 if it touches a fixed body."""
+    """Velocity at a point of an island that moves as one rigid body; that of what carries it, if it touches a
+    body that it does not move."""
     if island["grounded"] == 1:
-        return 0.0, 0.0, 0.0
+        return island["carrier"][0], island["carrier"][1], island["carrier"][2]
     x, y, z = _arm(point, island["center"])
     p, w, mass = island["momentum"], island["turning"], island["mass"]
     u, v = p[0] / mass + w[1] * z - w[2] * y, p[1] / mass + w[2] * x - w[0] * z
@@ -153,9 +154,11 @@ def rigid_velocity(island, point):
 
 @kernel
 def rigid_energy(island):
-    """Kinetic energy of an island that moves as one rigid body [J]; 0 if it touches a fixed body."""
+    """Kinetic energy that an island keeps if it moves as one rigid body [J]; of one that is carried, all but
+    that of its motion relative to what carries it: v.(p - m v / 2)."""
     if island["grounded"] == 1:
-        return 0.0
+        p, v, m = island["momentum"], island["carrier"], island["mass"]
+        return v[0] * (p[0] - m * v[0] / 2) + v[1] * (p[1] - m * v[1] / 2) + v[2] * (p[2] - m * v[2] / 2)
     p, w, spin = island["momentum"], island["turning"], island["old_spin"]
     total = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / island["mass"]
     return (total + w[0] * spin[0] + w[1] * spin[1] + w[2] * spin[2]) / 2

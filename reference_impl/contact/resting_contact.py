@@ -35,7 +35,7 @@ from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
-from touchstone.reference_impl.solver.islands import join_islands, loops, mover_of
+from touchstone.reference_impl.solver.islands import join_islands, leads, mover_of
 from touchstone.reference_impl.solver.mobility import approach_speed, final_velocity, place_surfaces
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
@@ -208,7 +208,7 @@ def _prepare_resting_contacts(world, count, h):
         if state["dense_substep"] == 1 and pair["flat_a"] + pair["flat_b"] == 0:
             continue
         turn = move_to_middle(bodies, world.pieces, pair, h)
-        if pair["curved"] == 1 and not is_curved(bodies, pair, h):
+        if pair["curved"] == 1 and not is_curved(bodies, world.drivers, pair, h):
             pair["curved"] = 0
         if pair["curved"] == 1:
             curved, turned = True, max(turned, turn)
@@ -361,7 +361,7 @@ def _mark_led(bodies, drivers, pairs, count):
         bodies[b]["led"] = 0
     for k in range(count):
         a, b = pairs[k]["body_a"], pairs[k]["body_b"]
-        led = pairs[k]["curved"] == 1 or loops(bodies, drivers, a) or loops(bodies, drivers, b)
+        led = pairs[k]["curved"] == 1 or leads(bodies, drivers, a) or leads(bodies, drivers, b)
         if pairs[k]["island"] >= 0 and led:
             bodies[pairs[k]["island"]]["led"] = 1
     for k in range(count):

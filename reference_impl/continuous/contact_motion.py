@@ -80,10 +80,11 @@ def move_to_middle(bodies, pieces, pair, h):
 
 
 @kernel
-def is_curved(bodies, pair, h):
-    """Whether a row of no driver's link approaches or parts by rotation within a substep of length h [s]."""
+def is_curved(bodies, drivers, pair, h):
+    """Whether a row approaches or parts by rotation within a substep of length h [s], on paths that no
+    coupling bends."""
     n, v = pair["normal"], pair["bias"]
-    if _is_driven(bodies[pair["body_a"]]) or _is_driven(bodies[pair["body_b"]]):
+    if _is_coupled(bodies[pair["body_a"]], drivers) or _is_coupled(bodies[pair["body_b"]], drivers):
         return False
     return abs(n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) * h > STRAIGHT
 
@@ -193,9 +194,9 @@ def _stays(a, b, one, two, pair):
 
 
 @kernel
-def _is_driven(body):
-    """Whether a body moves within a substep by its driver."""
-    return body["kind"] != SIMULATED and is_moving(body)
+def _is_coupled(body, drivers):
+    """Whether a body moves within a substep by the coupling of its driver."""
+    return body["kind"] != SIMULATED and is_moving(body) and drivers[body["driver"]]["prescribed"] == 0
 
 
 @kernel

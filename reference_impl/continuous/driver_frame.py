@@ -2,6 +2,7 @@
 
 from touchstone.reference_impl.continuous.driver_motion import return_to_start, weigh_for_impacts
 from touchstone.reference_impl.continuous.hinge_motion import enter_hinges, leave_hinges
+from touchstone.reference_impl.continuous.prescribed_path import is_parabola
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between
 from touchstone.reference_impl.kinematics.skeleton import link_of, move_from_shown, move_links, pose_links
@@ -16,6 +17,7 @@ def enter_loop(bodies, joints, driver, dt):
     to the pose found; across it the goal is the tracker.
     """
     driver["loops"], driver["clock"], driver["old_clock"] = 1, 0.0, 0.0
+    driver["leads"] = 0 if driver["prescribed"] == 1 and is_parabola(driver, dt) else 1
     copy_vector(driver["position"], driver["end_position"])
     copy_quaternion(driver["orientation"], driver["end_orientation"])
     copy_vector(driver["velocity"], driver["end_velocity"])

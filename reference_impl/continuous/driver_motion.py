@@ -185,7 +185,7 @@ def note_paths(bodies, joints, driver, h, dt):
         link = bodies[link_of(joints, driver, k)]
         copy_vector(link["velocity"], link["path_velocity"])
         copy_vector(link["omega"], link["path_omega"])
-        link["led"] = 1
+        link["led"] = driver["leads"]
 
 
 @kernel

@@ -65,7 +65,8 @@ def earliest_impact(world, touching, end, until, fast):
         if fast:
             sweeps = is_fast_pair(bodies, pieces, pair, 1.0)
         # what a driver carries, and curved contacts, agree at the end of a substep, not within
-        swept = sweeps and not (marked and (_agrees_at_end(a) or _agrees_at_end(b)))
+        agrees = _agrees_at_end(a, world.drivers) or _agrees_at_end(b, world.drivers)
+        swept = sweeps and not (marked and agrees)
         if (fast or sweeps) and not swept:
             distance_at(moving, until)
         if not swept and pair["distance"] >= -OVERLAP_TOLERANCE:
@@ -83,9 +84,11 @@ def earliest_impact(world, touching, end, until, fast):
 
 
 @kernel
-def _agrees_at_end(body):
-    """Whether a body is a link of a driver that moves in the loop, or moves by the law of positions."""
-    return (body["kind"] == DRIVEN and body["moves"] == 1) or body["led"] == 1
+def _agrees_at_end(body, drivers):
+    """Whether contacts on a body agree at the end of a substep alone: by the law of positions."""
+    if body["kind"] == DRIVEN and body["moves"] == 1 and drivers[body["driver"]]["leads"] == 1:
+        return True
+    return body["led"] == 1
 
 
 @kernel

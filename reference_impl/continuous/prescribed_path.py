@@ -1,7 +1,11 @@
 """Path of a prescribed body within a frame: cubics through its poses and velocities at both ends."""
 
+from touchstone.reference_impl.core.conventions import GAP_LEFT
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import rotation_between, turn
+
+PATH_ERROR = GAP_LEFT / 10
+"""Distance of a frame's path from a parabola that is rounding [m]."""
 
 
 @kernel
@@ -44,3 +48,18 @@ def follow_path(driver, time, dt):
 @kernel
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def is_parabola(driver, dt):
+    """Whether a prescribed driver moves over its frame as a body under a constant force: without rotation,
+    and with a constant acceleration. Contacts on it are then those of a fixed body in other gravity."""
+    x0, x1 = driver["old_target_position"], driver["target_position"]
+    v0, v1 = driver["old_target_velocity"], driver["target_velocity"]
+    bend = turned = 0.0
+    for i in range(3):
+        bend = max(bend, abs(x1[i] - x0[i] - dt * (v0[i] + v1[i]) / 2))
+        turned = max(turned, abs(driver["old_target_omega"][i]), abs(driver["target_omega"][i]))
+    for i in range(4):
+        turned = max(turned, abs(driver["target_orientation"][i] - driver["old_target_orientation"][i]))
+    return bend <= PATH_ERROR and turned == 0

@@ -145,6 +145,7 @@ DRIVER = record(
     coupled_orientation=QUATERNION,
     # of a driver that moves in the simulated loop (`driver_motion`)
     loops="i8",  # 1: it moves in the simulated loop of this frame
+    leads="i8",  # 1: contacts on it follow its path by the law of positions, unless it is an exact parabola
     pressed="i8",  # PRESSED: it touched a simulated body in this frame, and stops at fixed and driven bodies
     clock="f8",  # time since the start of the frame [s], now and at the start of the substep
     old_clock="f8",

@@ -101,7 +101,8 @@ def pass_free(world):
 
 @kernel
 def _part_drivers(world):
-    """One simultaneous round of Eq. 1 for overlap between drivers: each resolves half of the depths."""
+    """One simultaneous round of Eq. 1 for overlap between drivers: each resolves half of the depths;
+    prescribed ones stay on their paths."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
     shift = state["shift"]
@@ -113,7 +114,7 @@ def _part_drivers(world):
         pairs[k]["depth"] *= 0.5 if both else 0.0
     for d in range(len(drivers)):
         deepest, _ = global_depth(bodies, pairs, 0, end, Mover(MOVER_TRUNK, d), shift)
-        if not is_free(deepest):
+        if not is_free(deepest) and drivers[d]["prescribed"] == 0:
             state["counters"][COUNT_ROUNDS] += 1
             for i in range(3):
                 drivers[d]["position"][i] += shift[i]

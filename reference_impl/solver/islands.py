@@ -122,7 +122,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
             row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
             u[i] += pair["bias"][i]
         led = state["lead"] > 0 and (
-            loops(bodies, drivers, pair["body_a"]) or loops(bodies, drivers, pair["body_b"])
+            leads(bodies, drivers, pair["body_a"]) or leads(bodies, drivers, pair["body_b"])
         )
         held = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
         solver["led"] = 1 if led or held else solver["led"]
@@ -265,6 +265,12 @@ def _copy_mass(inverse_inertia, center, mover):
 def loops(bodies, drivers, b):
     """Whether body b is a link of a driver that moves in the simulated loop."""
     return bodies[b]["driver"] >= 0 and drivers[bodies[b]["driver"]]["loops"] == 1
+
+
+@kernel
+def leads(bodies, drivers, b):
+    """Whether contacts on body b follow its driver's path by the law of positions."""
+    return loops(bodies, drivers, b) and drivers[bodies[b]["driver"]]["leads"] == 1
 
 
 @kernel

@@ -14,10 +14,11 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import profiles_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.relations.changes import with_hulls
 from touchstone.scenarios.scenario import GRAVITY, IDENTITY, Body, Box, Piece, Scenario, Sphere, Tracker
 from touchstone.scenarios.solids import block
-from touchstone.scenarios.transforms import mirrored
+from touchstone.scenarios.transforms import mirrored, perturbed
 
 SPEED = (1.0, 0.0, 0.0)
 HALF = (4.0, 1.0, 0.05)
@@ -68,6 +69,78 @@ def test_galilei(registry, lab, profile):
     assert np.abs(one.position[:, 1:] - two.position[:, 1:]).max() < 1e-6
     assert (
         np.abs(one.position[:, 1:] - three.position[:, 1:] - np.outer(one.time, SPEED)[:, None]).max() < 1e-9
+    )
+
+
+def carried(scene: Scenario, speed: tuple[float, ...], push: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Scenario:
+    """The scene on fixed bodies that move with a velocity [m/s] and an acceleration [m/s^2]."""
+    times = np.arange(-60, round(60 * scene.duration) + 60) / 60
+    way = np.outer(times, speed) + np.outer(times**2 / 2, push)
+    bodies, trackers = [], []
+    for body in scene.bodies:
+        if body.kind == "fixed":
+            path = tuple(map(tuple, (way + body.position).tolist()))
+            count, start = len(times), (body.orientation,)
+            trackers.append(
+                Tracker(
+                    body.name,
+                    (),
+                    tuple(times.tolist()),
+                    path,
+                    start * count,
+                    ((),) * count,
+                    interpolation="cubic",
+                )
+            )
+            body = replace(body, kind="prescribed", position=(0.0, 0.0, 0.0), orientation=IDENTITY)
+        else:
+            moved = np.add(body.linear_velocity, speed)
+            body = replace(body, linear_velocity=tuple(moved.tolist()))
+        bodies.append(body)
+    return replace(scene, bodies=tuple(bodies), trackers=tuple(trackers), truths=())
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+@pytest.mark.parametrize("name", ["ellipsoid_rocks", "bowl", "prism_rolls", "sliders"])
+def test_curved_contacts_on_a_platform(registry, name, profile):
+    """What rolls, rocks and tips on a uniformly moving platform moves as on a floor at rest; on one that
+    accelerates, as in the gravity that this is equal to."""
+    scene, speed, push = (
+        replace(catalogue()[name], duration=0.5, truths=(), published=(), forces=()),
+        (0.7, -0.4, 0.0),
+        np.array((0.0, 0.0, 0.8)),
+    )
+    pulled = replace(scene, gravity=tuple((np.array(scene.gravity) - push).tolist()), truths=())
+    free = [k for k, body in enumerate(scene.bodies) if body.kind == "simulated"]
+    for still, moving_scene, way in (
+        (scene, carried(scene, speed), lambda t: np.outer(t, speed)),
+        (pulled, carried(scene, (0.0, 0.0, 0.0), tuple(push)), lambda t: np.outer(t**2 / 2, push)),
+    ):
+        one, two = played(registry, still, profile=profile), played(registry, moving_scene, profile=profile)
+        assert np.abs(two.position - way(one.time)[:, None] - one.position)[:, free].max() < 1e-7
+
+
+@pytest.mark.parametrize("seed", [5003, 5004, 5008, 5016, 5024, 5026, 5028])
+def test_random_scenes_on_a_platform(registry, seed):
+    """Drops, bridges and spinning bodies on a moving platform stay within what their own sensitivity makes of
+    the distance at which impacts are found."""
+    scene = random_scene(seed)
+    one = played(registry, scene)
+    two = played(registry, carried(scene, SPEED))
+    near = played(registry, perturbed(scene, 1e-10, 0))
+    free = [k for k, body in enumerate(scene.bodies) if body.kind == "simulated"]
+    apart = np.abs(two.position - np.outer(one.time, SPEED)[:, None] - one.position)[:, free].max()
+    growth = np.abs(near.position - one.position).max() / 1e-10
+    assert apart < max(1e-6, 1e-7 * growth)
+
+
+def test_prescribed_bodies_may_overlap(registry):
+    """Overlap removal leaves two prescribed bodies that overlap on their paths."""
+    scene = carried(random_scene(5009), SPEED)
+    seen = played(registry, scene)
+    assert sum(body.kind == "prescribed" for body in scene.bodies) == 2
+    assert (
+        np.abs(seen.position[-1, 0] - seen.position[0, 0] - np.multiply(SPEED, seen.time[-1])).max() < 1e-12
     )
 
 
