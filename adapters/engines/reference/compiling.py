@@ -124,7 +124,7 @@ def compile_simulated_loop(parent: int) -> None:
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     _compile(frame.solve_resting_contacts, world, 0, 0.0, 0.0)
     _compile(frame.resolve_impacts, world, 0, 0.0, 0.0)
-    _compile(frame.guard_energy, world, 0, True, 0, False)
+    _compile(frame.guard_energy, world, 0, True, 0, False, 0.01)
     _compile(frame.gather_contacts, world, 0.0)
     _compile(frame.separate_simulated, world, 0)
     _compile(frame.earliest_impact, world, 0, 0, 1.0, True)
