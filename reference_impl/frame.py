@@ -66,7 +66,7 @@ from touchstone.reference_impl.kinematics.skeleton import (
 from touchstone.reference_impl.posture.attraction import approach, set_goals
 from touchstone.reference_impl.posture.driven_time_of_impact import sweep_drivers
 from touchstone.reference_impl.posture.global_depth import largest_depth
-from touchstone.reference_impl.posture.overlap_removal import pass_free, remove_overlap
+from touchstone.reference_impl.posture.overlap_removal import remove_overlap
 from touchstone.reference_impl.posture.virtual_coupling import follow_tracker
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
 from touchstone.reference_impl.solver.tolerances import NEWTON_WORK
@@ -162,7 +162,7 @@ def _drive(world):
         for d in range(len(drivers)):
             if approach(bodies, joints, drivers[d], state, part):
                 more = True
-        if state["skip_removal"] == 0 and not pass_free(world):
+        if state["skip_removal"] == 0:
             if state["detection"] != DETECTION_DISCRETE:
                 sweep_drivers(world)
             remove_overlap(world)

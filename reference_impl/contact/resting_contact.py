@@ -28,7 +28,6 @@ from touchstone.reference_impl.core.conventions import (
     NEVER,
     NO_FLOOR,
     SINKING_DEPTH,
-    TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
@@ -36,7 +35,7 @@ from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
 from touchstone.reference_impl.solver.islands import join_islands, leads, mover_of
-from touchstone.reference_impl.solver.mobility import approach_speed, final_velocity, place_surfaces
+from touchstone.reference_impl.solver.mobility import approach_speed, place_surfaces
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
 VELOCITY_LEAD = 1 / 16
@@ -51,8 +50,6 @@ STOP_LATER = 1.0001
 """Ratio of the time to a stop and a shortened substep from which the substep is solved again, longer [1]."""
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
-HOP_HEIGHT = TOUCH_DISTANCE / 4
-"""Height of a hop that is an error of curved contact [m]."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
 CURVED_ROWS = 64
@@ -268,8 +265,6 @@ def _solve_together(world, count, h):
     """Solve all rows together with a warm start; returns whether the impulses converged."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
     note_free_slip(bodies, pairs, count, state)
-    if state["curved"] == 1:
-        _close_hops(bodies, pairs, count, h, state)
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)
     state["lead"] = VELOCITY_LEAD
@@ -277,18 +272,6 @@ def _solve_together(world, count, h):
     state["lead"] = 0.0
     _accept_pushes(world, h)
     return converged
-
-
-@kernel
-def _close_hops(bodies, pairs, count, h, state):
-    """Close curved contacts that separate at the start, but whose flight would return within the substep
-    from at most HOP_HEIGHT: they separate by the error of the last substep."""
-    for k in range(count):
-        pair = pairs[k]
-        if pair["curved"] == 1 and pair["floor"] == NO_FLOOR:
-            left, free = -pair["key"], final_velocity(bodies, pair, state)
-            if free > 0 or left * left * h <= 2 * HOP_HEIGHT * (left - free):
-                pair["floor"] = 0.0
 
 
 @kernel

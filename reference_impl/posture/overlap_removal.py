@@ -4,7 +4,6 @@ returns towards its last free pose."""
 from math import sqrt
 
 from touchstone.reference_impl.broad_phase.detection import detect, detect_for, is_free
-from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
     DRIVEN,
@@ -78,25 +77,6 @@ def remove_overlap(world):
             store_free_pose(bodies, joints, drivers[d])
         else:
             state["counters"][COUNT_GAVE_UP] += 1
-
-
-@kernel
-def pass_free(world):
-    """Whether no driver needs overlap removal, as all links are isolated and inside their fat AABBs; poses
-    the links."""
-    bodies, pieces, joints = world.bodies, world.pieces, world.joints
-    drivers, state = world.drivers, world.state
-    if state["driven_isolated"] == 0:
-        return False
-    for d in range(len(drivers)):
-        pose_moved(bodies, joints, drivers[d])
-    if not inside_fat_bounds(bodies, pieces, state):
-        return False
-    for d in range(len(drivers)):
-        drivers[d]["is_free"], drivers[d]["constraint_count"] = 1, 0
-        store_free_pose(bodies, joints, drivers[d])
-        shuffle_chains(drivers[d], state)
-    return True
 
 
 @kernel

@@ -59,9 +59,6 @@ NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged solution is accepted."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
 """Least decrease of g.M^-1 g over that of a full Newton step [1], and most halvings of the step."""
-EXTRAPOLATION_LEAST, EXTRAPOLATION_MOST, EXTRAPOLATION_RISE = 3.0, 1e6, 1.1
-"""Shortest and longest extrapolation of impulses over their last change, and largest accepted ratio of the
-residual after it to that before [1]. Shorter ones go on for tens of iterations, and rounding ends them."""
 
 
 @kernel
@@ -100,12 +97,10 @@ def newton(solver, evenly, patient, state):
             compliance = min(1.0, compliance * COMPLIANCE_RISE)
             continue
         for k in range(count):
-            p, q, d = rows[k]["impulse"], rows[k]["centre"], rows[k]["direction"]
+            p = rows[k]["impulse"]
             p[0], p[1], p[2] = _project(rows[k], 0.0)
             # rounding of a large z can leave the cone
             into_cone(rows[k])
-            for i in range(3):
-                d[i] = p[i] - q[i]
         rebuild(solver)
         residual, _ = residual_of(solver)
         keep_best(solver, residual)
@@ -115,46 +110,9 @@ def newton(solver, evenly, patient, state):
             stalled += 1
             if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
-            if not _extrapolate(solver, residual):
-                least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
-                compliance = max(least, compliance * COMPLIANCE_FALL)
+            least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
+            compliance = max(least, compliance * COMPLIANCE_FALL)
         last = residual
-
-
-@kernel
-def _extrapolate(solver, residual):
-    """Extrapolate the last change of the impulses, at most until a normal impulse vanishes.
-
-    If the points of a face are nearly redundant, the residual stays constant while load moves between them,
-    until one of them opens. Without extrapolation this takes thousands of proximal iterations.
-
-    Returns:
-        Whether it succeeded: the residual rises at most by the factor EXTRAPOLATION_RISE.
-    """
-    rows, count, length = solver["rows"], solver["row_count"], EXTRAPOLATION_MOST
-    for k in range(count):
-        p, d, n = rows[k]["impulse"], rows[k]["direction"], rows[k]["normal"]
-        load = p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
-        change = d[0] * n[0] + d[1] * n[1] + d[2] * n[2]
-        if load > 0 and change < 0:
-            length = min(length, load / -change)
-        copy_vector(p, rows[k]["swept"])
-    while length >= EXTRAPOLATION_LEAST:
-        for k in range(count):
-            p, q, d = rows[k]["impulse"], rows[k]["swept"], rows[k]["direction"]
-            for i in range(3):
-                p[i] = q[i] + length * d[i]
-            into_cone(rows[k])
-        rebuild(solver)
-        changed, _ = residual_of(solver)
-        if changed <= EXTRAPOLATION_RISE * residual:
-            keep_best(solver, changed)
-            return True
-        length /= 4
-    for k in range(count):
-        copy_vector(rows[k]["swept"], rows[k]["impulse"])
-    rebuild(solver)
-    return False
 
 
 @kernel

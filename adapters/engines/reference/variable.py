@@ -82,7 +82,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
     Mechanism("spin of free islands", "contact.island_motion", "keep_spin"),
     Mechanism("curved contacts", "continuous.contact_motion", "is_curved", "False"),
     Mechanism("end correction", "contact.end_correction", "correct_ends", "0.0"),
-    Mechanism("closing of hops", "contact.resting_contact", "_close_hops"),
     Mechanism("faces without prediction", "contact.resting_contact", "_except_faces"),
     Mechanism("law of positions", "contact.resting_contact", "_solve_positions"),
     Mechanism("limits of hinges as rows", "contact.resting_contact", "_find_limits", "False"),
@@ -92,7 +91,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
     Mechanism("warm start of impulses", "solver.warm_start", "load_impulse"),
     Mechanism("even load of faces", "solver.face_load", "find_faces"),
     Mechanism("Newton's method", "solver.contact_newton", "newton"),
-    Mechanism("extrapolation in Newton's method", "solver.contact_newton", "_extrapolate", "False"),
     Mechanism("interior point", "solver.contact_interior", "interior"),
     Mechanism("interior point from afar", "solver.interior_start", "begin_afar"),
     Mechanism("passive impulses", "solver.contact_rows", "make_passive"),
@@ -100,7 +98,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
     Mechanism("rebounds lowered", "solver.contact_solver", "_stop_rebound"),
     Mechanism("returns held", "solver.contact_solver", "_stop_return", "False"),
     Mechanism("sweep of drivers", "posture.driven_time_of_impact", "sweep_drivers"),
-    Mechanism("free drivers pass", "posture.overlap_removal", "pass_free", "False"),
 )
 
 
