@@ -121,8 +121,9 @@ def load_island(bodies, joints, drivers, pairs, head, state):
         for i in range(3):
             row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
             u[i] += pair["bias"][i]
-        led = state["lead"] > 0 and (
-            loops(bodies, drivers, pair["body_a"]) or loops(bodies, drivers, pair["body_b"])
+        # a prescribed body needs no lead for its mobility
+        led = _is_led(bodies, drivers, pair["body_a"], state) or _is_led(
+            bodies, drivers, pair["body_b"], state
         )
         held = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
         solver["led"] = 1 if led or held else solver["led"]
@@ -265,6 +266,15 @@ def _copy_mass(inverse_inertia, center, mover):
 def loops(bodies, drivers, b):
     """Whether body b is a link of a driver that moves in the simulated loop."""
     return bodies[b]["driver"] >= 0 and drivers[bodies[b]["driver"]]["loops"] == 1
+
+
+@kernel
+def _is_led(bodies, drivers, b, state):
+    """Whether rows of body b ask the law of a lead: links of drivers in the loop, and prescribed bodies in
+    the law of positions alone."""
+    if state["lead"] == 0 or not loops(bodies, drivers, b):
+        return False
+    return state["lead"] == 1 or drivers[bodies[b]["driver"]]["prescribed"] == 0
 
 
 @kernel
