@@ -1,13 +1,15 @@
-"""Contact events within a substep: the return of a separating contact and the stop of a sliding one.
+"""Contact events within a substep: the return of a separating contact, the stop of a sliding one, and the
+onset of sliding of one that sticks.
 
-Both times follow from the velocities before and after the contact solve, while bodies still have their
-initial poses. Neither event occurs in a dense substep.
+The times of the first two follow from the velocities before and after the contact solve, while bodies still
+have their initial poses; that of an onset from the forces of two solves. No event occurs in a dense substep.
 """
 
-from math import sqrt
+from math import acos, sqrt
 
 from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import dot
 from touchstone.reference_impl.solver.mobility import final_velocity
 
 SLIDE_MIN = 1e-4
@@ -17,6 +19,15 @@ STOP_ERROR = 1e-11
 """Error in the position of a sliding contact below which its stop within a substep is no event [m]."""
 SLIP_MIN = 1e-9
 """Sliding speed below which the direction of sliding is undefined [m/s]."""
+SLIP_TURN, SLIP_TURN_SHARE = 0.2, 0.8
+"""Turn of the direction of sliding within a substep that is too far [rad], and share of it that a shortened
+substep allows [1]."""
+SLIP_STRAIGHT = 1e-6
+"""Turn below which friction need not oppose the mean of both directions [rad]: some roundings."""
+ONSET_SOUGHT = 0.5
+"""Share of a substep over which a contact that slides in it is solved again, to find its onset [1]."""
+CONE_CLOSE = 1e-6
+"""Share of its square by which the friction of a contact that sticks is below its limit [1]."""
 
 
 @inlined_kernel
@@ -98,6 +109,71 @@ def _stop(bodies, pairs, k, h, state):
         return 1.0
     share = min(1.0, u / time)
     return share if fastest * h * (1 - share) > STOP_ERROR else 1.0
+
+
+@kernel
+def slip_turn_share(bodies, pairs, count, state):
+    """Share of the substep in which no sliding turns too far in an island with a driver; NEVER if that is
+    longer than the substep."""
+    most = 0.0
+    for k in range(count):
+        most = max(most, slip_turn(bodies, pairs[k], state))
+    return SLIP_TURN_SHARE * SLIP_TURN / most if most > SLIP_TURN else NEVER
+
+
+@kernel
+def slip_turn(bodies, pair, state):
+    """Turn of the direction in which a row slides over the substep, in an island with a driver [rad]; 0 if it
+    does not slide throughout. What slides back has stopped within (`first_stop`)."""
+    p, slip, v = pair["resting_impulse"], _slip(pair), state["velocity"]
+    led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
+    if not led or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
+        return 0.0
+    v_n = final_velocity(bodies, pair, state)
+    across, along = sqrt(max(0.0, dot(v, v) - v_n * v_n)), _along_slip(pair, v) / slip
+    return acos(min(1.0, along / across)) if along > 0 and across > SLIDE_MIN else 0.0
+
+
+@kernel
+def first_onset(pairs, count, h, state):
+    """Fraction of the substep at which the first contact that stuck before leaves its friction cone; NEVER if
+    none does by the present forces, ONSET_SOUGHT if one slides already.
+
+    Contacts change their forces within a substep where prescribed bodies accelerate. With F the mean force
+    over it and G that until t = `last_time`, the force at its time s is F + (F - G) (2 s - h) / (h - t).
+    """
+    first = NEVER
+    for k in range(count):
+        pair = pairs[k]
+        if pair["manifold"] >= 0 and pair["manifold"] != k:
+            continue
+        now, last, row = state["velocity_a"], state["velocity_b"], k
+        now[:] = last[:] = 0.0
+        while row >= 0:
+            for i in range(3):
+                now[i] += pairs[row]["resting_impulse"][i] / h
+                last[i] += pairs[row]["last_force"][i]
+            row = pairs[row]["next_point"]
+        n, mu = pair["normal"], pair["friction"]
+        if mu == 0 or _cone(n, mu, last, last) >= -CONE_CLOSE * (mu * dot(n, last)) ** 2:
+            continue
+        if _cone(n, mu, now, now) >= -CONE_CLOSE * (mu * dot(n, now)) ** 2:
+            return ONSET_SOUGHT
+        for i in range(3):
+            rate = (now[i] - last[i]) / (h - state["last_time"])
+            now[i], last[i] = now[i] - h * rate, 2 * h * rate
+        start, slope, bend = _cone(n, mu, now, now), _cone(n, mu, now, last), _cone(n, mu, last, last)
+        square = slope * slope - start * bend
+        if start < 0 and square >= 0 and slope + sqrt(square) > 0:
+            first = min(first, -start / (slope + sqrt(square)))
+    return first
+
+
+@kernel
+def _cone(n, mu, f, g):
+    """Product of two forces that is negative of one with itself where it is inside its friction cone."""
+    along = dot(n, f) * dot(n, g)
+    return dot(f, g) - (1 + mu * mu) * along
 
 
 @kernel

@@ -1,6 +1,14 @@
 """Resting contacts: impulses over a substep that keep touching pairs from approaching."""
 
-from touchstone.reference_impl.contact.contact_events import first_stop, note_free_slip
+from touchstone.reference_impl.contact.contact_events import (
+    ONSET_SOUGHT,
+    SLIP_STRAIGHT,
+    first_onset,
+    first_stop,
+    note_free_slip,
+    slip_turn,
+    slip_turn_share,
+)
 from touchstone.reference_impl.contact.contact_log import log_held
 from touchstone.reference_impl.contact.end_correction import END_ERROR, correct_ends, friction_work
 from touchstone.reference_impl.contact.impact import rest_speed
@@ -48,6 +56,9 @@ STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6
 earlier one that the substep takes [1]: exactly there, on the cone without sliding, sweeps converge slowly."""
 STOP_LATER = 1.0001
 """Ratio of the time to a stop and a shortened substep from which the substep is solved again, longer [1]."""
+ONSET_ROUNDS, ONSET_SHARE = 5, 0.01
+"""Most attempts at a substep for the onset of sliding in it, and its share to which that is found [1]: the
+error of a speed is its square."""
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
@@ -74,9 +85,14 @@ def solve_resting_contacts(world, count, time, h):
     """
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
+    last_time = state["last_time"]
     while True:
         residual, unconverged = state["residual"], state["counters"][COUNT_UNCONVERGED]
-        h = _solve_velocities(world, count, h)
+        state["last_time"] = last_time
+        h = whole = _solve_velocities(world, count, h)
+        if _is_carried(world, count):
+            h = _end_at_onset(world, count, h)
+            _turn_friction(world, count, h)
         _solve_positions(world, count, h)
         if len(drivers) > 0:
             while _find_limits(world, h):
@@ -96,6 +112,8 @@ def solve_resting_contacts(world, count, time, h):
     # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
     # may have any direction, and it keeps that one if the slip at the end is small
     store_impulses(bodies, pairs, count, state, h)
+    # what has just begun to slide does so from the start of the next substep
+    state["last_time"] = -h if h == whole else 0.0
     log_held(bodies, pairs, count, world.contacts, state, time)
     return h
 
@@ -114,18 +132,36 @@ def _correct_curves(world, count, h):
         error = correct_ends(world, count, h, k == CORRECTIONS)
         if error <= END_ERROR or k == CORRECTIONS:
             break
-        begin_again(bodies, joints, drivers)
-        apply_forces(bodies, joints, drivers, VELOCITY_LEAD, h, state)
-        state["lead"] = VELOCITY_LEAD
-        solve_contacts(bodies, joints, drivers, pairs, count, True, state)
-        state["lead"] = 0.0
-        _accept_pushes(world, h)
+        _correct_velocities(world, count, h)
         _solve_positions(world, count, h)
         if state["counters"][COUNT_UNCONVERGED] > unconverged:
             return False
     for k in range(count):
         pairs[k]["work"] = friction_work(bodies, pairs[k])
     return error <= LARGEST_ERROR
+
+
+@kernel
+def _correct_velocities(world, count, h):
+    """Solve the law of velocities again from the present impulses, with the rows as they are."""
+    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
+    begin_again(bodies, joints, drivers)
+    apply_forces(bodies, joints, drivers, VELOCITY_LEAD, h, state)
+    state["lead"] = VELOCITY_LEAD
+    solve_contacts(bodies, joints, drivers, world.pairs, count, True, state)
+    state["lead"] = 0.0
+    _accept_pushes(world, h)
+
+
+@kernel
+def _turn_friction(world, count, h):
+    """Solve again with friction against the mean sliding of the substep, where that turns."""
+    bodies, pairs, state, found = world.bodies, world.pairs, world.state, False
+    for k in range(count):
+        if slip_turn(bodies, pairs[k], state) > SLIP_STRAIGHT:
+            pairs[k]["slides"], found = 1, True
+    if found:
+        _correct_velocities(world, count, h)
 
 
 @kernel
@@ -159,6 +195,9 @@ def _solve_velocities(world, count, h):
         share = first_stop(bodies, pairs, count, h, state) if converged else NEVER
         if state["dense_substep"] == 0:
             exact = bias_share(bodies, world.pieces, pairs, count, h, state)
+            if _is_carried(world, count):
+                turned = slip_turn_share(bodies, pairs, count, state)
+                exact = min(exact, curved_share(turned, h, state))
             share, most = min(share, exact), min(most, exact * h)
         # a driver's pull is no part of the prediction of a stop, which may come nearer by a few percent only
         if k >= DRIVEN_ROUNDS and share < 1 and state["driven_loop"] == 1 and _is_any_led(bodies):
@@ -176,6 +215,56 @@ def _solve_velocities(world, count, h):
         restore_normals(pairs, count)
         h = later
     return h
+
+
+@kernel
+def _is_carried(world, count):
+    """Whether sliding on prescribed bodies is followed within the substep: its turn, and its onset.
+
+    Forces of coupled drivers are even over a substep, whatever its length, and do not tell of either.
+    """
+    state, found = world.state, False
+    if state["driven_loop"] == 0 or state["dense_substep"] == 1 or count > CURVED_ROWS:
+        return False
+    for d in range(len(world.drivers)):
+        if world.drivers[d]["loops"] == 1 and world.drivers[d]["leads"] == 1:
+            if world.drivers[d]["prescribed"] == 0:
+                return False
+            found = True
+    return found
+
+
+@kernel
+def _end_at_onset(world, count, h):
+    """Solve again up to the first onset of sliding within the substep; returns its length.
+
+    A contact that slides in all shorter substeps does so from the start.
+    """
+    pairs, state = world.pairs, world.state
+    sought = state["last_time"] < 0
+    whole = h
+    for _ in range(ONSET_ROUNDS if sought else 0):
+        share = first_onset(pairs, count, h, state)
+        later = min(share * h, whole)
+        if abs(later - h) <= ONSET_SHARE * whole:
+            break
+        if share != ONSET_SOUGHT:
+            for k in range(count):
+                for i in range(3):
+                    pairs[k]["last_force"][i] = pairs[k]["resting_impulse"][i] / h
+            state["last_time"] = h
+        h = _solve_again(world, count, later)
+    if sought and first_onset(pairs, count, h, state) == ONSET_SOUGHT:
+        h = _solve_again(world, count, whole)
+    return h
+
+
+@kernel
+def _solve_again(world, count, h):
+    """`_solve_velocities` after another attempt at the substep."""
+    begin_again(world.bodies, world.joints, world.drivers)
+    restore_normals(world.pairs, count)
+    return _solve_velocities(world, count, h)
 
 
 @inlined_kernel
@@ -267,6 +356,9 @@ def _solve_together(world, count, h):
     note_free_slip(bodies, pairs, count, state)
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)
+        if state["driven_loop"] == 1 and state["last_time"] < 0:
+            for i in range(3):
+                pairs[k]["last_force"][i] = pairs[k]["resting_impulse"][i] / h
     state["lead"] = VELOCITY_LEAD
     converged = solve_contacts(bodies, world.joints, world.drivers, pairs, count, True, state)
     state["lead"] = 0.0

@@ -101,6 +101,8 @@ STATE = record(
     warm_start_pieces=("i8", (WARM_START_CAPACITY, 2)),
     warm_start_point=("f8", (WARM_START_CAPACITY, 3)),
     warm_start_force=("f8", (WARM_START_CAPACITY, 3)),
+    # time from the substep's start to an earlier solve's end, negative of the substep before; 0: unknown [s]
+    last_time="f8",
     depth_cache=(DEPTH_CACHE_ENTRY, (DEPTH_CACHE_SIZE,)),
     depth_cache_clock="i8",  # look-ups in `depth_cache` so far
     solver=SOLVER,

@@ -202,6 +202,7 @@ PAIR = record(
     next_marked="i8",  # next marked row at the same piece, or -1
     manifold="i8",  # first row of the pair's manifold, or -1
     free_slip="f8",  # sliding speed after forces without impulses, along the direction before them [m/s]
+    last_force=VECTOR,  # mean contact force from the substep's start to `last_time`, or back to it [N]
     spare=VECTOR,  # alternative impulse, for the energy check of an impact [N s]
     before_a=VECTOR,  # surface velocities before the solve [m/s]
     before_b=VECTOR,

@@ -121,8 +121,9 @@ def load_island(bodies, joints, drivers, pairs, head, state):
         for i in range(3):
             row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
             u[i] += pair["bias"][i]
-        led = state["lead"] > 0 and (
-            leads(bodies, drivers, pair["body_a"]) or leads(bodies, drivers, pair["body_b"])
+        # a prescribed body needs no lead for its mobility
+        led = _is_led(bodies, drivers, pair["body_a"], state) or _is_led(
+            bodies, drivers, pair["body_b"], state
         )
         held = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
         solver["led"] = 1 if led or held else solver["led"]
@@ -271,6 +272,15 @@ def loops(bodies, drivers, b):
 def leads(bodies, drivers, b):
     """Whether contacts on body b follow its driver's path by the law of positions."""
     return loops(bodies, drivers, b) and drivers[bodies[b]["driver"]]["leads"] == 1
+
+
+@kernel
+def _is_led(bodies, drivers, b, state):
+    """Whether rows of body b ask the law of a lead: links of drivers that lead, and prescribed bodies in the
+    law of positions alone."""
+    if state["lead"] == 0 or not leads(bodies, drivers, b):
+        return False
+    return state["lead"] == 1 or drivers[bodies[b]["driver"]]["prescribed"] == 0
 
 
 @kernel
