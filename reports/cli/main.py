@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from touchstone.reports.cli.cheapest import cheapest
-from touchstone.reports.cli.check_engine import check_engine
 from touchstone.reports.cli.docs import docs
-from touchstone.reports.cli.doctor import doctor
+from touchstone.reports.cli.doctor import check_engine, doctor
 from touchstone.reports.cli.guard import guarded
-from touchstone.reports.cli.nights.nightly import accept, nightly
+from touchstone.reports.cli.nightly import accept, nightly
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     Format,
@@ -40,14 +39,9 @@ from touchstone.reports.cli.options import (
     with_settings,
 )
 from touchstone.reports.cli.progress import Progress, stepping_aside
-from touchstone.reports.cli.runs.compare import compare
-from touchstone.reports.cli.runs.failings import failings
-from touchstone.reports.cli.runs.judge import judge
-from touchstone.reports.cli.runs.tolerances import tolerances
+from touchstone.reports.cli.runs.stored import compare, failings, judge, tolerances, view
 from touchstone.reports.cli.runs.tuning import tune
 from touchstone.reports.cli.runs.versions import versions
-from touchstone.reports.cli.runs.view import view
-from touchstone.reports.cli.scenes.check_robot import check_robot
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
     LimitsOption,
@@ -56,13 +50,11 @@ from touchstone.reports.cli.scenes.chosen import (
     scenarios_for,
     tracker_notes,
 )
-from touchstone.reports.cli.scenes.exporting import export
-from touchstone.reports.cli.scenes.importing import import_robot
+from touchstone.reports.cli.scenes.exporting import export, schema
 from touchstone.reports.cli.scenes.reproducing import reproduce
-from touchstone.reports.cli.scenes.schema import schema
-from touchstone.reports.cli.soak import soak
+from touchstone.reports.cli.scenes.robots import check_robot, import_robot
 from touchstone.reports.cli.studies import bench, reality, study
-from touchstone.reports.cli.sweep import sweep
+from touchstone.reports.cli.sweep import soak, sweep
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-from touchstone.reports.metrics import posture, posture_optimum, solver, state, timing
-from touchstone.reports.metrics.contacts import contact, forces, friction, overlap, rest, sliding
+from touchstone.reports.metrics import posture, solver
+from touchstone.reports.metrics.contacts import contact, forces, overlap, rest, sliding
 from touchstone.reports.metrics.context import Metric
-from touchstone.reports.metrics.motion import (
-    energy,
-    events,
-    flight,
-    impact,
-    momentum,
-    published,
-    symmetry,
-    truth,
-)
+from touchstone.reports.metrics.motion import energy, events, truth
 
 _MM, _MS, _US = ("mm", 1e3), ("ms", 1e3), ("us", 1e6)
 
@@ -23,9 +14,9 @@ _ALL = (
     Metric("truth.velocity", "1", "lower", truth.truth_velocity),
     Metric("truth.orientation", "rad", "lower", truth.truth_orientation),
     Metric("truth.spin", "1", "lower", truth.truth_spin),
-    Metric("published.error", "1", "lower", published.published_error),
-    Metric("bounce.height", "1", "lower", flight.bounce_height),
-    Metric("rotation.flip", "s", "lower", flight.rotation_flip, _MS),
+    Metric("published.error", "1", "lower", truth.published_error),
+    Metric("bounce.height", "1", "lower", truth.bounce_height),
+    Metric("rotation.flip", "s", "lower", truth.rotation_flip, _MS),
     Metric("rolling.time", "1", "lower", sliding.rolling_time),
     Metric("events.touch", "s", "none", events.event_time("touch")),
     Metric("events.roll", "s", "none", events.event_time("roll")),
@@ -38,8 +29,8 @@ _ALL = (
     Metric("rest.lost", "1", "lower", rest.rest_lost),
     Metric("rest.settled", "m", "lower", rest.rest_settled, _MM),
     Metric("rest.drift", "m", "lower", rest.rest_drift, _MM),
-    Metric("symmetry.mirror", "m/s", "lower", symmetry.symmetry_mirror),
-    Metric("symmetry.offset", "m", "lower", symmetry.symmetry_offset, _MM),
+    Metric("symmetry.mirror", "m/s", "lower", truth.symmetry_mirror),
+    Metric("symmetry.offset", "m", "lower", truth.symmetry_offset, _MM),
     Metric("overlap.max", "m", "lower", overlap.overlap_max, _MM),
     Metric("overlap.p95", "m", "lower", overlap.overlap_p95, _MM),
     Metric("overlap.time", "m s", "lower", overlap.overlap_time, ("mm s", 1e3)),
@@ -55,20 +46,20 @@ _ALL = (
     Metric("force.contact.impulse", "N s", "none", forces.force_impulse),
     Metric("restitution.achieved", "1", "none", contact.restitution_achieved),
     Metric("restitution.error", "1", "lower", contact.restitution_error),
-    Metric("friction.cone", "1", "lower", friction.friction_cone),
-    Metric("friction.cone.point", "1", "lower", friction.friction_cone_point),
-    Metric("friction.deficit", "1", "lower", friction.friction_deficit),
-    Metric("friction.direction", "rad", "lower", friction.friction_direction),
+    Metric("friction.cone", "1", "lower", forces.friction_cone),
+    Metric("friction.cone.point", "1", "lower", forces.friction_cone_point),
+    Metric("friction.deficit", "1", "lower", forces.friction_deficit),
+    Metric("friction.direction", "rad", "lower", forces.friction_direction),
     Metric("friction.stop", "1", "lower", sliding.friction_stop),
     Metric("friction.coast", "1", "lower", sliding.friction_coast),
     Metric("friction.lift", "m", "lower", sliding.friction_lift, _MM),
     Metric("friction.tilt", "rad", "lower", sliding.friction_tilt),
     Metric("friction.creep", "m/s", "lower", sliding.friction_creep, ("mm/s", 1e3)),
     Metric("friction.heading", "1", "lower", sliding.friction_heading),
-    Metric("momentum.linear", "1", "lower", momentum.momentum_linear),
-    Metric("momentum.angular", "1", "lower", momentum.momentum_angular),
-    Metric("momentum.withheld", "1", "lower", momentum.momentum_withheld),
-    Metric("impact.law", "1", "none", impact.impact_law),
+    Metric("momentum.linear", "1", "lower", energy.momentum_linear),
+    Metric("momentum.angular", "1", "lower", energy.momentum_angular),
+    Metric("momentum.withheld", "1", "lower", energy.momentum_withheld),
+    Metric("impact.law", "1", "none", truth.impact_law),
     Metric("energy.gain", "1", "lower", energy.energy_gain),
     Metric("energy.loss", "1", "lower", energy.energy_loss),
     Metric("energy.injected", "J", "lower", energy.energy_injected, ("mJ", 1e3)),
@@ -81,18 +72,18 @@ _ALL = (
     Metric("joint.limit", "rad", "lower", posture.joint_limit),
     Metric("joint.cone", "rad", "lower", posture.joint_cone),
     Metric("joint.speed", "rad/s", "lower", posture.joint_speed),
-    Metric("posture.deviation", "rad", "lower", posture_optimum.posture_deviation),
-    Metric("posture.over_best", "1", "lower", posture_optimum.posture_over_best),
-    Metric("time.frame.median", "s", "lower", timing.time_frame("median"), _US),
-    Metric("time.frame.p95", "s", "lower", timing.time_frame("p95"), _US),
-    Metric("time.frame.p99", "s", "lower", timing.time_frame("p99"), _US),
-    Metric("time.frame.max", "s", "lower", timing.time_frame("max"), _US),
-    Metric("time.drive", "s", "lower", timing.time_drive, _US),
-    Metric("time.read", "s", "lower", timing.time_read, _US),
-    Metric("time.crossing", "s", "lower", timing.time_crossing, _US),
-    Metric("time.share", "1", "none", timing.time_share),
-    Metric("work", "1", "none", timing.work),
-    Metric("state.hash", "1", "none", state.state_hashed),
+    Metric("posture.deviation", "rad", "lower", posture.posture_deviation),
+    Metric("posture.over_best", "1", "lower", posture.posture_over_best),
+    Metric("time.frame.median", "s", "lower", solver.time_frame("median"), _US),
+    Metric("time.frame.p95", "s", "lower", solver.time_frame("p95"), _US),
+    Metric("time.frame.p99", "s", "lower", solver.time_frame("p99"), _US),
+    Metric("time.frame.max", "s", "lower", solver.time_frame("max"), _US),
+    Metric("time.drive", "s", "lower", solver.time_drive, _US),
+    Metric("time.read", "s", "lower", solver.time_read, _US),
+    Metric("time.crossing", "s", "lower", solver.time_crossing, _US),
+    Metric("time.share", "1", "none", solver.time_share),
+    Metric("work", "1", "none", solver.work),
+    Metric("state.hash", "1", "none", solver.state_hashed),
 )
 
 PAIR_METRICS = (

@@ -15,7 +15,7 @@ from touchstone.reports.page import charts, findings, matrix, sections
 from touchstone.reports.page.content import Content, rows_by_scene
 from touchstone.reports.page.html import fold
 from touchstone.reports.page.playback import ALARM
-from touchstone.reports.page.studies import studies_part
+from touchstone.reports.page.sections import studies_part
 from touchstone.reports.results import rows_of
 from touchstone.reports.views.matrix import SCALE
 from touchstone.reports.views.tables import LEGEND

@@ -31,13 +31,12 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured
-from touchstone.reports.studies.charts import figure, headline, open_axes, panels
 from touchstone.reports.studies.study import RefusedError, kept, with_interval
 from touchstone.reports.studies.tasks import Ended, own_step, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import judge
 from touchstone.reports.verdict.random_outcomes import EXACT, judge_random
-from touchstone.reports.views.pictures import INK, PALE, color_of
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes, panels
 from touchstone.reports.views.tables import number
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import tagged

@@ -6,7 +6,7 @@ where there is an order: the slope of the change from rung to rung). Errors are 
 bodies: of positions over the longest path of any body, of orientations in radians.
 
 Where a scene has no closed form, its truth is the band of the codes that converge to one motion
-(`work_precision/bands.py`). The error of an engine at its own step is its distance from the band.
+(`work_precision/errors.py`). The error of an engine at its own step is its distance from the band.
 """
 
 from __future__ import annotations

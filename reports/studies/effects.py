@@ -31,11 +31,10 @@ from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure
 from touchstone.reports.studies.study import kept, missing_rows, with_interval
 from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, played
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, marker_of
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import table_of
 from touchstone.scenarios.catalogue import tagged

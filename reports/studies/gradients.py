@@ -25,10 +25,9 @@ from touchstone.adapters.registry import ENGINES, installed
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure, headline
 from touchstone.reports.studies.study import Column, kept, missing_rows, print_failures, with_interval
 from touchstone.reports.studies.tasks import Ended, played
-from touchstone.reports.views.pictures import INK, PALE
+from touchstone.reports.views.pictures import INK, PALE, figure, headline
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball, block, slab

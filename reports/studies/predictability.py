@@ -28,12 +28,22 @@ from touchstone.adapters.registry import ENGINES, installed
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure, headline, logarithmic, open_axes, panels, rows_for
 from touchstone.reports.studies.study import kept, missing_rows, print_failures, with_interval
 from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, own_step, played
 from touchstone.reports.sweep.measures import moving
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.pictures import (
+    INK,
+    PALE,
+    color_of,
+    figure,
+    headline,
+    logarithmic,
+    marker_of,
+    open_axes,
+    panels,
+    rows_for,
+)
 from touchstone.reports.views.tables import number
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.closed_form_ends import final_positions

@@ -25,10 +25,9 @@ from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row
-from touchstone.reports.studies.charts import figure, headline, open_axes
 from touchstone.reports.studies.study import Column, kept, missing_rows, print_failures
 from touchstone.reports.studies.tasks import Ended, Task, played
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, marker_of, open_axes
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.relations.changes import bare

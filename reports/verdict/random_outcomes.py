@@ -13,8 +13,7 @@ import numpy as np
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.contacts.overlap import overlap_depth
-from touchstone.reports.metrics.contacts.passages import passages
-from touchstone.reports.metrics.contacts.swept_boxes import UNBOUNDED
+from touchstone.reports.metrics.contacts.passages import UNBOUNDED, passages
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import STORING, drive_work, energy_rise, mechanical_energy
 from touchstone.reports.verdict.figures import available_energy, finite, momentum_change

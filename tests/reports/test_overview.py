@@ -8,9 +8,8 @@ from math import nan
 from rich.console import Console
 
 from touchstone.reports.results import Row, table
-from touchstone.reports.views.overview import TOTALS, overview
 from touchstone.reports.views.tables import MARKS
-from touchstone.reports.views.terminal import SCENES_IN_FULL, show
+from touchstone.reports.views.terminal import SCENES_IN_FULL, TOTALS, overview, show
 
 COLUMNS = (("reference", "balanced", 1 / 60), ("dart", "recommended", 1 / 1020))
 

@@ -62,7 +62,7 @@ def versions(
     from touchstone.reports.output_folder import OutputError, output_folder
     from touchstone.reports.run.cost import TooLargeError, check_memory, limited
     from touchstone.reports.run.request import Request
-    from touchstone.reports.versions.study import Compared, compare, environments
+    from touchstone.reports.versions import Compared, compare, environments
 
     if not engine:
         stop("--engine: name the engine, such as --engine mujoco", BAD_INPUT)
@@ -104,7 +104,7 @@ def versions(
     if len(folders) < 2:
         stop(f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", ENGINE_MISSING)
     if not printed(found.frame, output) and not quiet:
-        from touchstone.reports.versions.table import show
+        from touchstone.reports.versions import show
         from touchstone.reports.views.terminal import console
 
         show(found, console())

@@ -35,11 +35,10 @@ from touchstone.reports.studies.calibration.probes import (
     measure,
 )
 from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
-from touchstone.reports.studies.charts import figure, headline, open_axes
 from touchstone.reports.studies.study import Column, failure_lines, kept, missing_rows, print_failures
 from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, PALE, color_of
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes
 from touchstone.reports.views.terminal import print_notes, table_of
 
 LADDER_PART = 26

@@ -27,14 +27,23 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import COLUMNS, Row, rows_of, table
 from touchstone.reports.run.request import REFERENCE, step_text
 from touchstone.reports.studies.agreement import require_truths, slope_of
-from touchstone.reports.studies.charts import figure, logarithmic, open_axes, panels, rows_for
 from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE
 from touchstone.reports.studies.study import kept
 from touchstone.reports.studies.tasks import own_profile, own_step
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.sweep import quietly, sweep
 from touchstone.reports.sweep.worker import DIVERGED
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.pictures import (
+    INK,
+    PALE,
+    color_of,
+    figure,
+    logarithmic,
+    marker_of,
+    open_axes,
+    panels,
+    rows_for,
+)
 from touchstone.reports.views.tables import number
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import catalogue, tagged

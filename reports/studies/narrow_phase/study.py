@@ -31,12 +31,19 @@ from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure, logarithmic, open_axes
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
 from touchstone.reports.studies.narrow_phase.poses import FAMILIES, corners, draw, size_of
 from touchstone.reports.studies.study import RefusedError, failure_lines, kept, with_interval
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, MARKERS, PALE, detector_color
+from touchstone.reports.views.pictures import (
+    INK,
+    MARKERS,
+    PALE,
+    detector_color,
+    figure,
+    logarithmic,
+    open_axes,
+)
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.files.pair_file import GivenPair

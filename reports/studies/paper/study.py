@@ -28,7 +28,6 @@ from touchstone.adapters.registry import ENGINES, load
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure
 from touchstone.reports.studies.paper.claims import (
     CLAIMS,
     COLLISION,
@@ -43,7 +42,7 @@ from touchstone.reports.studies.paper.claims import (
     series_of,
 )
 from touchstone.reports.studies.study import kept, print_failures
-from touchstone.reports.views.pictures import INK, PALE
+from touchstone.reports.views.pictures import INK, PALE, figure
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import catalogue

@@ -24,7 +24,6 @@ from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of, write_beside
-from touchstone.reports.studies.charts import figure, headline, logarithmic, open_axes, panels, rows_for
 from touchstone.reports.studies.robustness.play import (
     PATIENCE,
     SeededTask,
@@ -36,7 +35,16 @@ from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import RANDOM_CLASSES
 from touchstone.reports.verdict.random_outcomes import COUNTERS, EXACT, Assessment
-from touchstone.reports.views.pictures import INK, PALE
+from touchstone.reports.views.pictures import (
+    INK,
+    PALE,
+    figure,
+    headline,
+    logarithmic,
+    open_axes,
+    panels,
+    rows_for,
+)
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of
 

@@ -23,7 +23,6 @@ from rich.console import Console
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import CONSTRUCTION, Row, illustrate, rows_of, write_beside
-from touchstone.reports.studies.charts import figure
 from touchstone.reports.studies.stability.play import (
     OUTCOME,
     Played,
@@ -37,7 +36,7 @@ from touchstone.reports.studies.study import Column, kept, missing_rows, print_f
 from touchstone.reports.studies.tasks import own_step
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SILENT, SURVIVED
-from touchstone.reports.views.pictures import INK, PALE
+from touchstone.reports.views.pictures import INK, PALE, figure
 from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.difficulty.family import Family, hard_names, level_text
 

@@ -23,7 +23,6 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import illustrate, save_manifest, write_beside
 from touchstone.reports.run.request import step_text
-from touchstone.reports.studies.charts import figure, logarithmic, open_axes
 from touchstone.reports.studies.work_precision.definitions import (
     QUANTITIES,
     QUICK_LADDER,
@@ -41,7 +40,7 @@ from touchstone.reports.sweep.cells import ACCURACY, Cell
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.sweep import quietly, sweep
 from touchstone.reports.sweep.timing_rounds import TimingRounds
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, logarithmic, marker_of, open_axes
 from touchstone.scenarios.catalogue import catalogue
 
 

@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from touchstone.reports.assertions.play_cache import PlayCache
+from touchstone.reports.assertions.player import PlayCache
 
 
 @pytest.fixture

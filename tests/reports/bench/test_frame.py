@@ -15,12 +15,11 @@ from touchstone.adapters.registry import ENGINES
 from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.adapters.workers.process import last_core
 from touchstone.reports.bench import frame, restarts
-from touchstone.reports.bench.restarts import CONTESTANTS, Contestant, Take
+from touchstone.reports.bench.frame import CONTESTANTS, Contestant, Take
 from touchstone.reports.bootstrap import RATIO, RATIOS
 from touchstone.reports.results import Row, table
 from touchstone.reports.run import ratios, time_limits
-from touchstone.reports.run.contact_frames import contact_frames
-from touchstone.reports.run.decomposition import FACTORS
+from touchstone.reports.run.ratios import FACTORS, contact_frames
 from touchstone.scenarios.catalogue import catalogue
 
 SCENE = catalogue()["ball_snip"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from touchstone.reports.metrics.context import Context, NotMeasured
-from touchstone.reports.metrics.motion.ballistic_arcs import TOUCH_GAP, bounces, first_closing, gap_of
+from touchstone.reports.metrics.motion.events import TOUCH_GAP, bounces, first_closing, gap_of
 from touchstone.scenarios.scenario import Expectation
 
 BETWEEN_FRAMES = 1e-6

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from touchstone.reports.metrics.context import NotMeasured
-from touchstone.reports.metrics.motion.ballistic_arcs import OPEN_GAP, TOUCH_GAP
-from touchstone.reports.metrics.motion.events import PART_GAP, ROLL_SLIP
+from touchstone.reports.metrics.motion.events import OPEN_GAP, PART_GAP, ROLL_SLIP, TOUCH_GAP
 from touchstone.scenarios.scenario import Body, Expectation, Piece, Sphere
 from touchstone.scenarios.solids import sphere_inertia
 

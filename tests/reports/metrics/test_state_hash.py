@@ -10,7 +10,7 @@ import pytest
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import load
-from touchstone.reports.metrics.state import DIGITS, state_hash, state_hashed
+from touchstone.reports.metrics.solver import DIGITS, state_hash, state_hashed
 from touchstone.reports.studies.stability.play import hard_cell, play_all
 from touchstone.scenarios.difficulty.family import hard_scene
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from touchstone.reports.nightly.due import HARD, OUTCOME, Study, due, rows_for_nights, studies
+from touchstone.reports.nightly.night import HARD, OUTCOME, Study, due, rows_for_nights, studies
 from touchstone.reports.nightly.store import Night
 from touchstone.reports.nightly.verdict import GONE, REGRESSION, compared_with, physics
 from touchstone.reports.results import Row, table

@@ -13,10 +13,10 @@ import pytest
 from forged_tables import JSONS, WAYS, forge
 
 from touchstone.adapters.workers.scratch import locked
-from touchstone.reports.cli.nights import nightly
-from touchstone.reports.nightly import identity
+from touchstone.reports.cli import nightly as nightly
 from touchstone.reports.nightly import night as module
-from touchstone.reports.nightly.due import Study
+from touchstone.reports.nightly import store as identity
+from touchstone.reports.nightly.night import Study
 from touchstone.reports.nightly.store import KEY, Store
 from touchstone.reports.results import rows_of
 from touchstone.scenarios.catalogue import catalogue

@@ -7,7 +7,7 @@ from math import comb
 import numpy as np
 import pytest
 
-from touchstone.reports.nightly.timing_verdict import FEWEST, chance, step, warns
+from touchstone.reports.nightly.verdict import FEWEST, chance, step, warns
 
 NIGHTS, SERIES = 60, 400
 JUDGED = FEWEST + 3

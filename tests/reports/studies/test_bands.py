@@ -6,8 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from touchstone.reports.studies.work_precision.bands import Code, band_of, outside
-from touchstone.reports.studies.work_precision.errors import CellRun, errors_of, truth_of
+from touchstone.reports.studies.work_precision.errors import (
+    CellRun,
+    Code,
+    band_of,
+    errors_of,
+    outside,
+    truth_of,
+)
 from touchstone.scenarios.catalogue import catalogue
 
 WAY = np.linspace(0, 1, 11)[:, None, None] * np.array([1.0, 0.0, 0.0])

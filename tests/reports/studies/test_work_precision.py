@@ -10,7 +10,6 @@ import pytest
 from rich.console import Console
 
 from touchstone.reports.cli.cheapest import lines
-from touchstone.reports.studies.work_precision.bands import distance
 from touchstone.reports.studies.work_precision.cheapest import (
     TIME,
     MeasuredSetting,
@@ -28,6 +27,7 @@ from touchstone.reports.studies.work_precision.definitions import (
     scenes,
     truth_cells,
 )
+from touchstone.reports.studies.work_precision.errors import distance
 from touchstone.reports.studies.work_precision.points import COLUMNS, band, deficit, fronts, pareto
 from touchstone.reports.studies.work_precision.study import StudyCells, draw, show
 

@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from touchstone.reports.sweep.batch_pool import BatchPool
 from touchstone.reports.sweep.store import Store, StoreError
-from touchstone.reports.sweep.sweep import sweep
+from touchstone.reports.sweep.sweep import BatchPool, sweep
 
 PATIENCE = 4.0
 
@@ -64,7 +63,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from fake_measures import cells, load
-from touchstone.reports.sweep.batch_pool import BatchPool
+from touchstone.reports.sweep.sweep import BatchPool
 from touchstone.reports.sweep.sweep import sweep
 if __name__ == "__main__":
     sweep(cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: BatchPool(1, out, load))
