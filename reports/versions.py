@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 from rich.text import Text
 
 from touchstone.adapters.contract import Array
@@ -25,8 +24,8 @@ from touchstone.reports.metrics.solver import state_hash
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run.request import Request, Results
 from touchstone.reports.run.study import judge_outcomes
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number, unit_of
-from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.scenario import Scenario
 
 
@@ -277,28 +276,18 @@ def _speeds(mine: list[Difference]) -> list[tuple[str, list[str]]]:
     return [(word, [one.scenario for one in mine if speed(one) == word]) for word in ("slower", "faster")]
 
 
-def show(found: Compared, out: Console) -> None:
-    """Print the differences, the figures that changed, and the sentences."""
-    profiles = list(dict.fromkeys(one.profile for one in found.differences))
-    for profile in profiles:
-        rows = [one for one in found.differences if one.profile == profile]
+def report(found: Compared) -> list[Part]:
+    """The differences, the figures that changed, and the sentences."""
+    parts = []
+    for profile in dict.fromkeys(one.profile for one in found.differences):
+        mine = [one for one in found.differences if one.profile == profile]
+        rows: list[list[str | Text]] = []
+        for scene in dict.fromkeys(one.scenario for one in mine):
+            lines = [_line(found, one) for one in mine if one.scenario == scene]
+            rows += [["" if k else scene, *line] for k, line in enumerate(lines)]
         title = f"{found.engine} {profile} against {next(iter(found.results))}"
-        table = table_of(title, HEADS, left=2, padding=(0, 0))
-        before = ""
-        for one in sorted(rows, key=lambda one: _order(rows, one)):
-            table.add_row("" if one.scenario == before else one.scenario, *_line(found, one))
-            before = one.scenario
-        out.print(table)
-    if profiles:
-        print_notes([NOTE], out)
-    _show_figures(found, out)
-    for line in sentences(found):
-        out.print(line, highlight=False, soft_wrap=True)
-
-
-def _order(rows: list[Difference], one: Difference) -> int:
-    """Place of the scene of a row."""
-    return [row.scenario for row in rows].index(one.scenario)
+        parts.append(Part(title, HEADS, rows, words=2, tight=True))
+    return [*parts, Part(notes=[NOTE] * bool(parts)), _figures(found), Part(lines=[*sentences(found)])]
 
 
 def _line(found: Compared, one: Difference) -> list[Text | str]:
@@ -318,26 +307,23 @@ def _line(found: Compared, one: Difference) -> list[Text | str]:
     return [one.version, motion, *(str(count) if count else "" for count in counts), *times]
 
 
-def _show_figures(found: Compared, out: Console) -> None:
-    """Print the changed figures, the worst first, with the value of every version."""
+def _figures(found: Compared) -> Part:
+    """The changed figures, the worst first, with the value of every version."""
     changed = found.figures[found.figures.kind.isin(KINDS)].copy()
     changed["order"] = changed.kind.map(KINDS.index)
     changed = changed.sort_values("order", kind="stable").drop_duplicates(FIGURE)
-    if not len(changed):
-        return
     versions = list(found.results)
-    table = table_of("", ("", "scene", "figure", "unit", *versions), left=4, padding=(0, 0))
-    table.columns[2].no_wrap = False
+    rows = []
     values = found.frame.set_index([*FIGURE, "version"]).value
     for row in changed.head(MOST_FIGURES).to_dict("records"):
         key = tuple(row[name] for name in FIGURE)
         shown = [_shown(key[2], float(values.get((*key, version), np.nan))) for version in versions]
         unit = unit_of(key[2])
         name = f"{key[2]} {key[3]}".strip()
-        table.add_row(row["kind"], key[0], name, "" if unit == "1" else unit, *shown)
-    out.print(table)
-    if len(changed) > MOST_FIGURES:
-        print_notes([f"{len(changed) - MOST_FIGURES} more changed figures are in changes.csv"], out)
+        rows.append([row["kind"], key[0], name, "" if unit == "1" else unit, *shown])
+    rest = len(changed) - MOST_FIGURES
+    notes = [f"{rest} more changed figures are in changes.csv"] if rest > 0 else []
+    return Part("", ("", "scene", "figure", "unit", *versions), rows, notes, words=4, tight=True)
 
 
 def _shown(metric: str, value: float) -> str:

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
+from rich.text import Text
 
 from touchstone.adapters.contract import MISSING, Array, Settings
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.adapters.workers.process import last_core
-from touchstone.reports.bench.tables import MICRO, limit_text, print_remarks, spread_text, value_text
+from touchstone.reports.bench.tables import MICRO, limit_text, remarks, spread_text, value_text
 from touchstone.reports.bootstrap import RATIO, STATISTICS, mean, restart_interval, restart_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.context import Context
@@ -31,8 +31,8 @@ from touchstone.reports.results import Row, rows_of, save, save_manifest, table
 from touchstone.reports.run.measure import measured_of
 from touchstone.reports.run.ratios import FACTORS, Timed, factor_rows, pair_frames, ratio_rows, timed
 from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, step_text
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
-from touchstone.reports.views.terminal import table_of
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.scenario import Scenario
 
@@ -149,8 +149,6 @@ def _slow(key: Key, takes: Mapping[Key, Take]) -> bool:
     return takes[key].frame > SLOW * fastest
 
 
-__all__ = ["duel", "run", "show", "steps"]
-
 STUDY = "bench frame"
 RESTARTS = 5
 ALSO = ("slide", "stack", "balls_box", "dominoes")
@@ -261,22 +259,22 @@ NOTES = (
 WORDS = {"": "contact", ".all": "all", ".median": "median", ".p99": "p99"}
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print per scene the times of all columns and the reference's ratios, then every ratio with a limit."""
+def report(frame: pd.DataFrame) -> list[Part]:
+    """Per scene the times of all columns and the reference's ratios, then every ratio with a limit."""
+    parts = []
     for scenario in dict.fromkeys(frame.scenario):
         rows = rows_of(frame[frame.scenario == scenario])
         found = {(row.engine, row.profile, row.metric, row.subject): row for row in rows}
-        out.print(_show_times(scenario, found))
-        out.print(_ratios(scenario, found))
-    _show_judged(frame, out)
-    print_remarks(frame[frame.metric.str.startswith(("run", RATIO))], out, NOTES)
+        parts += [_times_part(scenario, found), _ratios(scenario, found)]
+    told = frame[frame.metric.str.startswith(("run", RATIO))]
+    return [*parts, _judged(frame), remarks(told, NOTES)]
 
 
 Rows = dict[tuple[str, str, str, str], Row]
 
 
-def _show_times(scenario: str, rows: Rows):  # type: ignore[no-untyped-def]
-    table = table_of(f"bench frame: {scenario}", TIMES, left=1)
+def _times_part(scenario: str, rows: Rows) -> Part:
+    lines = []
     for engine, profile, metric, _ in rows:
         if metric != "time.frame":
             continue
@@ -284,36 +282,30 @@ def _show_times(scenario: str, rows: Rows):  # type: ignore[no-untyped-def]
         first, *others = (rows[engine, profile, f"{metric}{suffix}", ""] for suffix in STATISTICS)
         overlap = value_text(rows.get((engine, profile, "overlap.max", "")), MILLI)
         times = [value_text(other, MICRO) for other in others]
-        table.add_row(
-            f"{engine} {profile}".replace(", drive=", " "),
-            step_text(row.dt),
-            spread_text(first, MICRO),
-            *times,
-            overlap,
-        )
-    return table
+        name = f"{engine} {profile}".replace(", drive=", " ")
+        lines.append([name, step_text(row.dt), spread_text(first, MICRO), *times, overlap])
+    return Part(f"bench frame: {scenario}", TIMES, lines)
 
 
-def _ratios(scenario: str, rows: Rows):  # type: ignore[no-untyped-def]
-    table = table_of(f"{scenario}: the reference over an engine", RATIOS, left=2)
+def _ratios(scenario: str, rows: Rows) -> Part:
+    lines = []
     for engine, profile, metric, subject in rows:
         if (engine, metric) != (REFERENCE, RATIO):
             continue
         first, *others = (rows[engine, profile, f"{metric}{suffix}", subject] for suffix in STATISTICS)
         factors = [value_text(rows.get((engine, profile, name, subject))) for name in FACTORS]
-        table.add_row(
-            profile, subject.replace(", drive=", " "), spread_text(first), *map(value_text, others), *factors
-        )
-    return table
+        over = subject.replace(", drive=", " ")
+        lines.append([profile, over, spread_text(first), *map(value_text, others), *factors])
+    return Part(f"{scenario}: the reference over an engine", RATIOS, lines, words=2)
 
 
-def _show_judged(frame: pd.DataFrame, out: Console) -> None:
-    """Print one row per ratio with a limit."""
-    table = table_of("bench frame: the reference over the fastest engine", JUDGED, left=4)
+def _judged(frame: pd.DataFrame) -> Part:
+    """One row per ratio with a limit."""
+    lines: list[list[str | Text]] = []
     for row in rows_of(frame[frame.metric.str.startswith(RATIO) & (frame.verdict != "")]):
         statistic = WORDS[row.metric.removeprefix(RATIO)]
         between = f"{exact_number(row.low)} to {exact_number(row.high)}"
         over = row.subject.replace(", drive=", " ")
         cells = (row.scenario, row.profile, over, statistic, value_text(row), between)
-        table.add_row(*cells, limit_text(row))
-    out.print(table)
+        lines.append([*cells, limit_text(row)])
+    return Part("bench frame: the reference over the fastest engine", JUDGED, lines, words=4)

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
+from rich.text import Text
 
 from touchstone.adapters.detectors import DETECTORS, REFERENCE, UNCONVERGED, Pair
 from touchstone.adapters.detectors import load as load_detector
 from touchstone.adapters.detectors.children import Loader
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench.poses import FAMILIES, hand_slide
-from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, value_text
+from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of, save, save_manifest, table
@@ -36,7 +36,7 @@ from touchstone.reports.studies.narrow_phase.study import (
     with_ratio,
 )
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.terminal import table_of
+from touchstone.reports.views.render import Part
 
 HEADS = ("family", "detector", "query", "net", "error", "over it", "95 % interval", "limit")
 NOTES = (
@@ -46,30 +46,24 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one row per family and detector for each of the reference's, and the reference's certificates."""
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One row per family and detector for each of the reference's, and the reference's certificates."""
     rows = {(row.scenario, row.engine, row.metric, row.subject): row for row in rows_of(frame)}
     timed = frame[frame.metric == "time.net"]
     ratios = frame[frame.metric == "ratio.time"]
+    parts, certificates = [], []
     for name in dict.fromkeys(ratios.engine):
-        title = f"bench geometry: {name} over other detectors"
-        table = table_of(title, HEADS, left=2)
+        lines: list[list[str | Text]] = []
         for family in dict.fromkeys(timed.scenario):
-            table.add_section()
+            lines.append([])
             detectors = [
                 e for e in dict.fromkeys(timed.engine) if e == name or (family, name, "ratio.time", e) in rows
             ]
             for k, detector in enumerate(detectors):
                 ratio = rows.get((family, name, "ratio.time", detector))
-                table.add_row(
-                    "" if k else family,
-                    detector,
-                    *_times(rows, family, detector),
-                    value_text(ratio),
-                    interval_text(ratio),
-                    limit_text(ratio),
-                )
-        out.print(table)
+                cells = (*_times(rows, family, detector), value_text(ratio), interval_text(ratio))
+                lines.append(["" if k else family, detector, *cells, limit_text(ratio)])
+        parts.append(Part(f"bench geometry: {name} over other detectors", HEADS, lines, words=2))
     for family, name in dict.fromkeys((row[0], row[1]) for row in rows if row[2] == "certificate.open"):
         unsure, wrong = (
             rows[family, name, metric, ""] for metric in ("certificate.open", "certificate.false")
@@ -81,8 +75,8 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         source = "from the frame before" if name != REFERENCE else ""
         line = f"{family}: {name}: {share} of the answers not proved {source}".rstrip()
         line += f"; {count} proved and wrong"
-        out.print(line, highlight=False)
-    print_remarks(frame, out, NOTES)
+        certificates.append(line)
+    return [*parts, Part(lines=certificates), remarks(frame, NOTES)]
 
 
 def _times(rows: dict[tuple[str, str, str, str], Row], family: str, detector: str) -> list[str]:
@@ -91,8 +85,6 @@ def _times(rows: dict[tuple[str, str, str, str], Row], family: str, detector: st
     )
     return [value_text(query, MICRO), value_text(net, MICRO), value_text(error)]
 
-
-__all__ = ["Plan", "run", "show", "steps"]
 
 STUDY = "bench geometry"
 WARM = ("reference.walk", "coal.warm")

@@ -14,12 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
-from rich.console import Console
 
 from touchstone.adapters.detectors import load as load_detector
 from touchstone.adapters.detectors.children import Loader as DetectorLoader
@@ -34,37 +30,38 @@ from touchstone.reports.bench.curves import (
     broad_phase,
     hull_vertices,
 )
-from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, print_remarks, value_text
+from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.bootstrap import exponent, median_interval
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, MARKERS, PALE, detector_color
-from touchstone.reports.views.terminal import table_of
+from touchstone.reports.views.pictures import INK, MARKERS, detector_color, figure, panels
+from touchstone.reports.views.render import Part
 
 NOTES = ("exponent: of the power law that fits the medians by least squares, with its 95 % interval",)
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one table per curve: times by size, and the exponent."""
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One table per curve: times by size, and the exponent."""
+    parts = []
     for scenario in dict.fromkeys(frame[frame.metric == "scaling.time"].scenario):
         part = frame[frame.scenario == scenario]
         sizes = list(dict.fromkeys(part[part.metric == "scaling.time"].subject))
         numbers, units = zip(*(size.split() for size in sizes))
-        heads = (units[0], *numbers, "exponent", "95 % interval", "limit")
-        table = table_of(f"bench scaling: {scenario}, median time [µs]", heads, left=1)
+        rows = []
         for engine in dict.fromkeys(part[part.metric == "scaling.time"].engine):
             mine = {(row.metric, row.subject): row for row in rows_of(part[part.engine == engine])}
             power = mine.get(("scaling.exponent", ""))
             cells = [value_text(mine.get(("scaling.time", size)), MICRO) for size in sizes]
-            table.add_row(engine, *cells, value_text(power), interval_text(power), limit_text(power))
-        out.print(table)
-    remarks = frame[(frame.metric == "scaling.time") & (frame.reason != "")]
-    for (scenario, engine), part in remarks.groupby(["scenario", "engine"], sort=False):
+            rows.append([engine, *cells, value_text(power), interval_text(power), limit_text(power)])
+        heads = (units[0], *numbers, "exponent", "95 % interval", "limit")
+        parts.append(Part(f"bench scaling: {scenario}, median time [µs]", heads, rows))
+    unusual, lines = frame[(frame.metric == "scaling.time") & (frame.reason != "")], []
+    for (scenario, engine), part in unusual.groupby(["scenario", "engine"], sort=False):
         reasons = ", ".join(f"{row.subject} {row.reason}" for row in rows_of(part))
-        out.print(f"{scenario}: {engine}: {reasons}", highlight=False)
-    print_remarks(frame, out, NOTES)
+        lines.append(f"{scenario}: {engine}: {reasons}")
+    return [*parts, Part(lines=lines), remarks(frame, NOTES)]
 
 
 TITLES = {
@@ -80,15 +77,11 @@ LABEL_GAP = 0.055
 def draw(frame: pd.DataFrame, path: Path) -> None:
     """Draw one panel per curve. A marker is the median, a bar its 95 % interval."""
     shown = [name for name in TITLES if (frame.scenario == name).any()]
-    style = {"font.family": "DejaVu Sans", "font.size": 10, "axes.edgecolor": PALE}
-    with rc_context(style):  # type: ignore[arg-type]
-        figure = Figure(figsize=(5.0 * len(shown), 4.6), dpi=160, layout="constrained")
-        FigureCanvasAgg(figure)
-        panels = figure.subplots(1, len(shown), squeeze=False)[0]
-        for axes, name in zip(panels, shown):
+    with figure(path, 5.0 * len(shown), 4.6, font=10, dpi=160) as drawn:
+        grid = panels(drawn, len(shown), len(shown))
+        for axes, name in zip(grid, shown):
             _panel(axes, frame[frame.scenario == name], *TITLES[name])
-        panels[0].set_ylabel("median time [µs], 95 % interval, fitted power law", color=INK)
-        figure.savefig(path, format="png", facecolor="white")
+        grid[0].set_ylabel("median time [µs], 95 % interval, fitted power law", color=INK)
 
 
 def _panel(axes: Axes, part: pd.DataFrame, title: str, sizes_label: str) -> None:
@@ -162,8 +155,6 @@ def _label(axes: Axes, labels: list[tuple[float, str, str]]) -> None:
             fontsize=9.5,
         )  # fmt: skip
 
-
-__all__ = ["Plan", "run", "show", "steps"]
 
 STUDY = "bench scaling"
 SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-fcl.distance")

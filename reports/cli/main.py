@@ -201,15 +201,18 @@ def run(
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
-        from touchstone.reports.views import first_screen
-        from touchstone.reports.views.terminal import console, show, show_budget, show_losses, show_published
+        from touchstone.reports.views.first_screen import first_screen
+        from touchstone.reports.views.losses import losses_part
+        from touchstone.reports.views.published import published_part
+        from touchstone.reports.views.render import console, print_parts
+        from touchstone.reports.views.terminal import budget_parts, report
 
         if in_full:
-            (show_losses if at_once else show)(results.frame, console())
-            show_budget(results.recordings, console())
+            parts = [losses_part(results.frame)] if at_once else report(results.frame)
+            parts += budget_parts(results.recordings)
         else:
-            first_screen.show(results.frame, console(), request.out)
-        show_published(results.frame, request.scenarios, console())
+            parts = first_screen(results.frame, request.out)
+        print_parts([*parts, published_part(results.frame, request.scenarios)], console())
         print(f"results: {request.out}")
     if quiet:
         tell_failures(results.frame, bool(engine))
@@ -227,14 +230,15 @@ def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[
 
     Results come first: if standard output is closed or full, `broken` gets the error and no more is printed.
     """
-    from touchstone.reports.views.terminal import console, show_scene
+    from touchstone.reports.views.render import console, print_parts
+    from touchstone.reports.views.terminal import scene_parts
 
     def show(frame: pd.DataFrame) -> None:
         if broken:
             return
         try:
             with stepping_aside(progress):
-                show_scene(frame, console())
+                print_parts(scene_parts(frame), console())
                 sys.stdout.flush()
         except (OSError, SystemExit) as error:  # rich turns a closed pipe into an exit
             broken.append(error)

@@ -108,10 +108,10 @@ def sweep(
         else:
             frame = run_sweep(cells, out, jobs=jobs, executor=executor, progress=progress)
     if not printed(frame, output) and not quiet:
-        from touchstone.reports.sweep.table import show
-        from touchstone.reports.views.terminal import console
+        from touchstone.reports.sweep.table import report
+        from touchstone.reports.views.render import console, print_parts
 
-        show(frame, console())
+        print_parts(report(frame), console())
         print(f"store: {out}")
     runs = frame[frame.metric == "run"]
     if quiet:

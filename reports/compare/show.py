@@ -14,7 +14,7 @@ def show_changes(frame: pd.DataFrame) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from touchstone.reports.views.terminal import console
+    from touchstone.reports.views.render import console
 
     out = console()
     for kind, rows in frame.groupby("kind", sort=False):

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.mujoco.still import View, still
@@ -20,7 +19,7 @@ from touchstone.adapters.registry import ENGINES, load
 from touchstone.reports.compare.stored import table_of
 from touchstone.reports.docs.reference import NOTICE
 from touchstone.reports.results import write_beside
-from touchstone.reports.views.terminal import FittingConsole
+from touchstone.reports.views.render import FittingConsole, Part, print_parts
 from touchstone.scenarios.files.safe_paths import fault_line, json_of
 from touchstone.scenarios.scenario import Scenario
 
@@ -32,7 +31,7 @@ SHOWN_BY = {
     "ik": "touchstone.reports.studies.inverse_kinematics",
     "reality tosses": "touchstone.reports.studies.tosses",
 }
-"""Modules whose `show` prints a study's table, where they are not `reports/studies/NAME`."""
+"""Modules whose `report` has a study's table, where they are not `reports/studies/NAME`."""
 
 
 class NoResults(Exception):
@@ -87,22 +86,23 @@ def _origin(facts: dict) -> str:
 def _text(study: str, frame: pd.DataFrame) -> str:
     """The table as the command prints it."""
     out = StringIO()
-    _show_of(study)(frame, FittingConsole(file=out, width=WIDTH, no_color=True, force_terminal=False))
+    console = FittingConsole(file=out, width=WIDTH, no_color=True, force_terminal=False)
+    print_parts(_report_of(study)(frame), console)
     return "\n".join(line.rstrip() for line in out.getvalue().strip("\n").splitlines())
 
 
-def _show_of(study: str) -> Callable[[pd.DataFrame, Console], None]:
-    """The function that prints a study's table."""
+def _report_of(study: str) -> Callable[[pd.DataFrame], list[Part]]:
+    """The function of a study's report."""
     bench = study.partition("bench ")[2]
     home = f"bench.{bench}" if bench else f"studies.{study.replace('-', '_')}"
     try:
         module = importlib.import_module(SHOWN_BY.get(study, f"touchstone.reports.{home}"))
-        if not hasattr(module, "show"):
+        if not hasattr(module, "report"):
             module = importlib.import_module(f"{module.__name__}.study")
-        show: Callable[[pd.DataFrame, Console], None] = module.show
+        report: Callable[[pd.DataFrame], list[Part]] = module.report
     except (ModuleNotFoundError, AttributeError) as error:
         raise NoResults(f"no module shows the study {study!r}") from error
-    return show
+    return report
 
 
 class Shot(NamedTuple):

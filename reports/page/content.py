@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import pandas as pd
 
 from touchstone.reports.results import Row, rows_of
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import Column
 
 
@@ -49,8 +50,8 @@ class Content:
         settings: "scene/engine/profile" -> manifest of the engine.
         summaries: scene -> its sentence.
         history: heading -> chart of nights, as SVG.
-        times: table of the times of nights that are too few for a chart, its heads first.
-        published: table of published values, its heads first, and the lines below it.
+        times: times of nights that are too few for a chart.
+        published: published values, and what was measured.
         studies: long table of studies beside the scenes; None without.
     """
 
@@ -66,8 +67,8 @@ class Content:
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     summaries: Mapping[str, str] = field(default_factory=dict)
     history: Mapping[str, str] = field(default_factory=dict)
-    times: Sequence[Sequence[str]] = ()
-    published: tuple[Sequence[Sequence[str]], Sequence[str]] = ((), ())
+    times: Part = field(default_factory=Part)
+    published: Part = field(default_factory=Part)
     studies: pd.DataFrame | None = None
 
     def columns(self) -> list[Column]:

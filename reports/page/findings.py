@@ -8,7 +8,7 @@ from html import escape
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.labels import label
 from touchstone.reports.page.content import Change
-from touchstone.reports.page.html import Cell, Part, fold, long_table
+from touchstone.reports.page.html import Cell, Linked, fold, long_table
 from touchstone.reports.results import Row
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.views.matrix import by_cause, cause_of, plural
@@ -47,15 +47,15 @@ def changes_part(changes: Sequence[Change], scenes: Collection[str]) -> str:
     return f'<div class="changes">{"".join(parts)}</div>' if parts else ""
 
 
-def scene_part(scene: str, scenes: Collection[str]) -> Part:
+def scene_part(scene: str, scenes: Collection[str]) -> Linked:
     """Name of a scene; a link where the page has its figures."""
-    return Part(scene, scene=scene if scene in scenes else "")
+    return Linked(scene, scene=scene if scene in scenes else "")
 
 
-def metric_part(metric: str, subject: str = "") -> Part:
+def metric_part(metric: str, subject: str = "") -> Linked:
     """A metric by its name for readers; a hover says its name and definition."""
     known = METRICS.get(metric)
-    return Part(f"{label(metric)} {subject}".strip(), f"{metric}: {known.formula}" if known else metric)
+    return Linked(f"{label(metric)} {subject}".strip(), f"{metric}: {known.formula}" if known else metric)
 
 
 def broken_part(rows: Iterable[Row], scenes: Collection[str]) -> str:
@@ -85,7 +85,7 @@ def causes_table(rows: Iterable[Row], scenes: Collection[str]) -> str:
 def _line(found: Sequence[Row], scenes: Collection[str]) -> list[Cell]:
     worst = found[0]
     others = list(dict.fromkeys(row.scenario for row in found if row.scenario != worst.scenario))
-    also: list[str | Part] = []
+    also: list[str | Linked] = []
     for scene in others[:PLACES]:
         also += [", "] if also else []
         also.append(scene_part(scene, scenes))

@@ -6,9 +6,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 
+from touchstone.reports.views.render import Part
+
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class Linked:
     """A text with what a hover says, and the scene whose figures it links to."""
 
     text: str
@@ -24,7 +26,7 @@ class Part:
         return f"<span{hover}>{escape(self.text)}</span>" if hover else escape(self.text)
 
 
-Cell = str | Part | Sequence[str | Part]
+Cell = str | Linked | Sequence[str | Linked]
 """A cell of a table: a text, or parts of one."""
 
 
@@ -57,9 +59,16 @@ def plain_table(heads: Sequence[str], rows: Iterable[Sequence[Cell]], left: int 
     return f'<div class="wide"><table>{body}</table></div>'
 
 
+def part_body(part: Part) -> str:
+    """A part of a report without its title."""
+    rows = [[str(cell) for cell in row] for row in part.rows]
+    table = plain_table(part.heads, rows, part.words) if rows else ""
+    return table + "".join(f"<p>{escape(str(line))}</p>" for line in (*part.notes, *part.lines))
+
+
 def _html(cell: Cell) -> str:
-    parts = [cell] if isinstance(cell, (str, Part)) else cell
-    return "".join(part.html if isinstance(part, Part) else escape(part) for part in parts)
+    parts = [cell] if isinstance(cell, (str, Linked)) else cell
+    return "".join(part.html if isinstance(part, Linked) else escape(part) for part in parts)
 
 
 def long_table(heads: Sequence[str], rows: Sequence[Sequence[Cell]], shown: int, left: int = 1) -> str:

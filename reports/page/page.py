@@ -59,7 +59,7 @@ def page(content: Content) -> str:
         sections.nights_part(content),
         fold("Hard cases and studies", studies, "studies") if studies else "",
         findings.known_part(every, scenes),
-        fold("Where the reference loses", sections.reference_loses(scenes, columns), "loses"),
+        fold("Where the reference loses", sections.reference_loses(content.frame, scenes), "loses"),
         sections.scene_parts(content, scenes),
         fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
         fold("Machine, program and command", sections.identity_part(content), "identity"),

@@ -23,7 +23,7 @@ from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 from touchstone.reports.results import write_beside
 from touchstone.reports.views.matrix import verdict_of
-from touchstone.reports.views.published import NOTE, published_table
+from touchstone.reports.views.published import published_part
 from touchstone.reports.views.tables import Column
 from touchstone.scenarios.files.safe_paths import regular
 from touchstone.scenarios.scenario import Scenario
@@ -45,7 +45,6 @@ def packed_scene(scenario: Scenario, played: Mapping[tuple[str, str], Context]) 
 def write_page(request: Request, results: Results, manifest: Mapping[str, Any], folder: Path) -> None:
     """Write `report.html` into the folder of a run."""
     level, verdict = verdict_of(results.frame)
-    heads, lines, sources = published_table(results.frame, request.scenarios)
     content = Content(
         title="touchstone run",
         level=level,
@@ -59,7 +58,7 @@ def write_page(request: Request, results: Results, manifest: Mapping[str, Any], 
         playback=results.playback,
         forces=force_charts(_courses(request, results)),
         settings=manifest["engines"],
-        published=([heads, *lines], [NOTE, *sources]) if lines else ((), ()),
+        published=published_part(results.frame, request.scenarios),
         summaries={scenario.name: scenario.summary for scenario in request.scenarios},
     )
     text = page(content)

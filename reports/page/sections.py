@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
 
 import pandas as pd
@@ -10,15 +10,15 @@ import pandas as pd
 from touchstone.reports.metrics.labels import label
 from touchstone.reports.page import charts
 from touchstone.reports.page.content import Content
-from touchstone.reports.page.findings import metric_part, remarks, scene_part, valued
-from touchstone.reports.page.html import Cell, figure, fold, plain_table
+from touchstone.reports.page.findings import SHOWN, metric_part, remarks, scene_part, valued
+from touchstone.reports.page.html import Cell, figure, fold, long_table, part_body, plain_table
 from touchstone.reports.results import NOT_RUN, Row, rows_of
 from touchstone.reports.run.farthest_apart import headlines
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE
 from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
-from touchstone.reports.views.published import TITLE as PUBLISHED
-from touchstone.reports.views.tables import MARKS, Column, exact_number, grid
+from touchstone.reports.views.losses import losses
+from touchstone.reports.views.tables import MARKS, exact_number, grid
 
 HARD = "stability"
 REMARKS = ("fail", "error", "known", "unjudged")
@@ -82,12 +82,8 @@ CHARTS: tuple[tuple[str, str, float, float], ...] = (
 )
 """Metric, title, factor to the unit of the chart, and least value drawn [that unit]."""
 FORCES = "Contact force over time, mean of each frame; dashed: closed form"
-LARGER = 1.0 + 0.02
-"""Ratio from which the reference counts as worse than another engine: the repeatability of a median."""
 MOST_TABLES = 1_000_000
 """Characters of tables of scenes in full: with MOST_PLAYBACK, a page stays under 5 MB."""
-SAME_DEPTH = 1e-6
-"""Overlap below which the reference loses to nobody [m]: the gap in which it handles contact."""
 
 
 def charts_part(content: Content) -> str:
@@ -108,19 +104,15 @@ def charts_part(content: Content) -> str:
 
 def published_part(content: Content) -> str:
     """Published values with their sources, and what was measured; "" where the scenes state none."""
-    table, notes = content.published
-    if not table:
-        return ""
-    body = plain_table(table[0], table[1:], 3) + "".join(f"<p>{escape(line)}</p>" for line in notes)
-    return fold(PUBLISHED, body, "published", True)
+    part = content.published
+    return fold(part.title, part_body(part), "published", True) if part.rows else ""
 
 
 def nights_part(content: Content) -> str:
     """Times over nights, folded away: a table of few nights, charts of more."""
     drawn = "".join(figure(title, svg) for title, svg in content.history.items())
     body = f'<div class="charts">{drawn}</div>' if drawn else ""
-    if content.times:
-        body += plain_table(content.times[0], content.times[1:], 2)
+    body += part_body(content.times)
     return fold("Times over nights", body, "nights") if body else ""
 
 
@@ -159,43 +151,18 @@ def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str
     return fold(scene, body, f"scene-{scene}", level=3)
 
 
-def reference_loses(scenes: Mapping[str, Sequence[Row]], columns: Sequence[Column]) -> str:
-    """Scenes and topics in which another engine does better than the reference."""
-    ours = next((column for column in columns if column[0] == REFERENCE), None)
-    if ours is None:
+def reference_loses(frame: pd.DataFrame, scenes: Collection[str]) -> str:
+    """Scenes and metrics in which another engine does better than the reference."""
+    if not (frame.engine == REFERENCE).any():
         return "<p>The reference did not play.</p>"
     lines: list[list[Cell]] = []
-    for scene, rows in scenes.items():
-        for metric, least in (
-            ("time.frame.median", 0.0),
-            ("overlap.max", SAME_DEPTH),
-            ("contact.gap", SAME_DEPTH),
-        ):
-            values: dict[tuple[str, str], list[Row]] = {}
-            for row in rows:
-                if row.metric == metric and (row.engine, row.profile) in columns and row.value == row.value:
-                    values.setdefault((row.engine, row.profile), []).append(row)
-            if ours not in values or len(values) < 2:
-                continue
-            worst = {column: max(found, key=lambda row: abs(row.value)) for column, found in values.items()}
-            mine = worst.pop(ours)
-            best = min(worst.values(), key=lambda row: abs(row.value))
-            if abs(mine.value) > max(abs(best.value) * LARGER, least):
-                ratio = f"{abs(mine.value / best.value):.3g} times" if best.value else ""
-                lines.append(
-                    [
-                        scene_part(scene, scenes),
-                        metric_part(metric),
-                        valued(mine)[0],
-                        valued(best)[0],
-                        best.engine,
-                        ratio,
-                        reproduce(mine, best),
-                    ]
-                )
-    if not lines:
-        return "<p>In none of these scenes: no engine is faster, overlaps less or hovers less.</p>"
-    return plain_table(["scene", "figure", "reference", "best other", "engine", "ratio", "command"], lines, 7)
+    for metric, loss in ((metric, loss) for lost in losses(frame).values() for metric, loss in lost.items()):
+        mine, best = loss.first, loss.best
+        ratio = f"{abs(mine.value / best.value):.3g} times" if best.value else ""
+        texts = (valued(mine)[0], valued(best)[0], best.engine, ratio, reproduce(mine, best))
+        lines.append([scene_part(mine.scenario, scenes), metric_part(metric, mine.subject), *texts])
+    heads = ["scene", "figure", "reference", "best other", "engine", "ratio", "command"]
+    return long_table(heads, lines, SHOWN, 7) if lines else "<p>In no figure of these scenes.</p>"
 
 
 def settings_part(settings: Mapping[str, Mapping[str, object]]) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
 
 ENGINE, PROFILES = "reference", ("balanced", "paper")
@@ -78,16 +79,16 @@ def _budget(scene: str, profile: str, recording: Recording) -> Budget:
     )
 
 
-def budget_rows(found: list[Budget]) -> list[list[str]]:
-    """A line per scene under HEADS."""
+def budget_part(recordings: Mapping[tuple[str, str, str], Recording]) -> Part:
+    """A line per scene that the reference played."""
     rows = []
-    for budget in found:
+    for budget in budgets(recordings):
         times = [number(1e6 * budget.cost), number(1e6 * float(np.percentile(budget.frame, 99)))]
         shares = [f"{100 * budget.share(stage):.0f} %" for stage in ("collision", "removal")]
         counts = [cell for name in (SOLVES, IK_JOINTS, PAIRS) for cell in _told(budget.counts[name])]
         name = budget.scene if budget.profile == PROFILES[0] else f"{budget.scene}, {budget.profile}"
         rows.append([name, *times, *shares, *counts])
-    return rows
+    return Part("frame budget of the scenes", HEADS, rows, [NOTE], tight=True, picture=BUDGET_PICTURE)
 
 
 def _told(counts: Array) -> tuple[str, str]:

@@ -156,9 +156,10 @@ def judge(
     for line in [] if quiet else judge_faults():
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
-        from touchstone.reports.views.terminal import console, show
+        from touchstone.reports.views.render import console, print_parts
+        from touchstone.reports.views.terminal import report
 
-        show(results.frame, console())
+        print_parts(report(results.frame), console())
         print(f"results: {folder}")
     if quiet:
         tell_failures(results.frame)

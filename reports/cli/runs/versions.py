@@ -104,10 +104,10 @@ def versions(
     if len(folders) < 2:
         stop(f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", ENGINE_MISSING)
     if not printed(found.frame, output) and not quiet:
-        from touchstone.reports.versions import show
-        from touchstone.reports.views.terminal import console
+        from touchstone.reports.versions import report
+        from touchstone.reports.views.render import console, print_parts
 
-        show(found, console())
+        print_parts(report(found), console())
         print(f"results: {folder}")
     worse = found.figures[found.figures.kind.isin(FAILING)]
     if quiet:

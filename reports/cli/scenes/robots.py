@@ -108,7 +108,7 @@ def import_robot(
 
 def _check(folders: list[Path], out: Path, allow_paths: bool, output: Format, quiet: bool) -> None:
     require_judge()
-    from touchstone.reports.studies.robots import SUFFIXES, robots_below, run, show
+    from touchstone.reports.studies.robots import SUFFIXES, report, robots_below, run
 
     for folder in folders:
         if not folder.is_dir():
@@ -118,7 +118,7 @@ def _check(folders: list[Path], out: Path, allow_paths: bool, output: Format, qu
         stop(f"--check: no robots ({', '.join(SUFFIXES)}) below {', '.join(map(str, folders))}", BAD_INPUT)
     with measuring(len(robots), quiet) as progress:
         frame = run(robots, out, allow_paths, progress)
-    ended(frame, show, out, output, quiet)
+    ended(frame, report, out, output, quiet)
 
 
 def _import(robot: Path, name: str, path: Path, allow_paths: bool, force: bool, quiet: bool) -> None:

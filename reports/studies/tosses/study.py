@@ -17,7 +17,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import ArrayLike
-from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES, installed
@@ -27,9 +26,9 @@ from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.study import (
     Column,
     RefusedError,
+    failures,
     kept,
     missing_rows,
-    print_failures,
     with_interval,
 )
 from touchstone.reports.studies.tasks import Ended, played
@@ -50,8 +49,8 @@ from touchstone.reports.studies.tosses.playing import (
     play,
 )
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
-from touchstone.reports.views.terminal import print_notes, table_of
 
 PANELS = (
     ("tosses.position", "error of position [widths]", 1.0),
@@ -249,9 +248,9 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print a line per engine, the floor and the noise."""
-    table = table_of("measured tosses", HEADS, padding=(0, 1, 0, 0))
+def report(frame: pd.DataFrame) -> list[Part]:
+    """A line per engine, the floor and the noise."""
+    rows = []
     values = {(row.engine, row.profile, row.metric, row.subject): row.value for row in rows_of(frame)}
     columns = dict.fromkeys(
         (engine, profile) for engine, profile, _, _ in values if not profile.endswith(OWN)
@@ -272,7 +271,5 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         )
         found = [factor * values.get((*key, metric, at), nan) for key, metric, at, factor in wanted]
         if not np.isnan(found).all():
-            table.add_row(" ".join(column), *("" if one != one else number(one) for one in found))
-    out.print(table)
-    print_notes(NOTES, out)
-    print_failures(frame, out)
+            rows.append([" ".join(column), *("" if one != one else number(one) for one in found)])
+    return [Part("measured tosses", HEADS, rows, NOTES), failures(frame)]

@@ -28,7 +28,7 @@ def test_every_bench_is_whole() -> None:
         bench = load(name)
         assert bench.steps() > 0
         assert callable(bench.run)
-        assert callable(bench.show)
+        assert callable(bench.report)
 
 
 @pytest.mark.parametrize("name", BENCHES)

@@ -106,18 +106,18 @@ def test_few_nights_are_numbers(store, nights, count):
     by_number = {night.sequence: night for night in found}
     history = histories(store, found, "one")
     drawn = outputs.history_charts(history, by_number)
-    lines = outputs.history_table(history, by_number)
+    table = outputs.history_table(history, by_number)
     assert list(drawn) == (["fall, engines"] if count == 5 else [])
-    assert len(lines) == (2 if 2 <= count <= 4 else 0)
+    assert len(table.rows) == (1 if 2 <= count <= 4 else 0)
     if count == 2:
-        assert lines[0] == [
+        assert table.heads == [
             "scene",
             "engine",
             "2026-01-01 02:00 [µs]",
             "2026-01-02 02:00 [µs]",
             "last over first",
         ]
-        assert lines[1] == ["fall", "mujoco", "100", "200", "2.00"]
+        assert table.rows[0] == ["fall", "mujoco", "100", "200", "2.00"]
 
 
 def test_outputs_say_the_same(nights, tmp_path, monkeypatch):

@@ -29,7 +29,8 @@ from touchstone.reports.studies.work_precision.definitions import (
 )
 from touchstone.reports.studies.work_precision.errors import distance
 from touchstone.reports.studies.work_precision.points import COLUMNS, band, deficit, fronts, pareto
-from touchstone.reports.studies.work_precision.study import StudyCells, draw, show
+from touchstone.reports.studies.work_precision.study import StudyCells, draw, report
+from touchstone.reports.views.render import print_parts
 
 RNG = np.random.default_rng(15)
 
@@ -258,7 +259,7 @@ def test_a_study_says_what_it_cost():
     frame = table()
     frame.attrs["seconds"] = {"accuracy": 61.2, "timing": 30.4}
     console = Console(record=True, width=100, file=StringIO())
-    show(frame, console)
+    print_parts(report(frame), console)
     assert "The study took 92 s: accuracy 61 s, timing 30 s." in console.export_text()
 
 
