@@ -66,7 +66,7 @@ def docs(
 def _stored(run: Path, folder: Path) -> str:
     """Keep the intervals of a run of `bench frame`; what the stored runs of two days share, as a section."""
     from touchstone.reports.bench.repeatability import store, stored_lines
-    from touchstone.reports.compare.stored import table_of
+    from touchstone.reports.changes import table_of
     from touchstone.scenarios.files.safe_paths import json_of
 
     store(table_of(run), json_of(run / "manifest.json"), folder)

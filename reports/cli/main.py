@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.cheapest import cheapest
+from touchstone.reports.cli.cheapest import cheapest, tune
 from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.doctor import check_engine, doctor
 from touchstone.reports.cli.guard import guarded
@@ -40,7 +40,6 @@ from touchstone.reports.cli.options import (
 )
 from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.stored import compare, failings, judge, tolerances, view
-from touchstone.reports.cli.runs.tuning import tune
 from touchstone.reports.cli.runs.versions import versions
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
@@ -166,7 +165,7 @@ def run(
     from touchstone.adapters.contract import DRIVES
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
-    from touchstone.reports.run.cost import TooLargeError, check_memory, limited
+    from touchstone.reports.run.request import TooLargeError, check_memory, limited
     from touchstone.reports.run.study import run as run_study
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 

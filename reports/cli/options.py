@@ -298,7 +298,7 @@ def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[P
     """Progress over a total of steps; an input that a study refuses, a disk error, or a study that would take
     longer than STUDY_LONGEST without `--yes`, exits with one line."""
     from touchstone.reports.output_folder import OutputError
-    from touchstone.reports.run.cost import STUDY_LONGEST, TooLargeError, limited
+    from touchstone.reports.run.request import STUDY_LONGEST, TooLargeError, limited
 
     refused: tuple[type[Exception], ...] = (OutputError, TooLargeError, *refusals)
     try:

@@ -73,8 +73,7 @@ def sweep(
     from touchstone.adapters.knobs import SettingError
     from touchstone.reports.run.request import DEFAULT_PROFILES
     from touchstone.reports.sweep.cells import grid
-    from touchstone.reports.sweep.dask_pool import ClusterError, DaskPool
-    from touchstone.reports.sweep.slurm import PartError, part_of
+    from touchstone.reports.sweep.clusters import ClusterError, DaskPool, PartError, part_of
     from touchstone.reports.sweep.store import StoreError
     from touchstone.reports.sweep.sweep import sweep as run_sweep
     from touchstone.reports.sweep.sweep import sweep_timed
@@ -121,7 +120,7 @@ def sweep(
 
 def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:
     """Write the array job of this command; its store is named by its absolute path."""
-    from touchstone.reports.sweep.slurm import script
+    from touchstone.reports.sweep.clusters import script
 
     arguments = without(sys.argv[2:], "--slurm-script", "--out", "--part", "--jobs")
     text = script([*arguments, "--out", str(out.resolve())], cells)

@@ -16,7 +16,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.mujoco.still import View, still
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES, load
-from touchstone.reports.compare.stored import table_of
+from touchstone.reports.changes import table_of
 from touchstone.reports.docs.reference import NOTICE
 from touchstone.reports.results import write_beside
 from touchstone.reports.views.render import FittingConsole, Part, print_parts

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from touchstone.reports.metrics import posture, solver
-from touchstone.reports.metrics.contacts import contact, forces, overlap, rest, sliding
+from touchstone.reports.metrics.contacts import contact, forces, overlap, rest
 from touchstone.reports.metrics.context import Metric
 from touchstone.reports.metrics.motion import energy, events, truth
 
@@ -17,7 +17,7 @@ _ALL = (
     Metric("published.error", "1", "lower", truth.published_error),
     Metric("bounce.height", "1", "lower", truth.bounce_height),
     Metric("rotation.flip", "s", "lower", truth.rotation_flip, _MS),
-    Metric("rolling.time", "1", "lower", sliding.rolling_time),
+    Metric("rolling.time", "1", "lower", forces.rolling_time),
     Metric("events.touch", "s", "none", events.event_time("touch")),
     Metric("events.roll", "s", "none", events.event_time("roll")),
     Metric("events.leave", "s", "none", events.event_time("leave")),
@@ -50,12 +50,12 @@ _ALL = (
     Metric("friction.cone.point", "1", "lower", forces.friction_cone_point),
     Metric("friction.deficit", "1", "lower", forces.friction_deficit),
     Metric("friction.direction", "rad", "lower", forces.friction_direction),
-    Metric("friction.stop", "1", "lower", sliding.friction_stop),
-    Metric("friction.coast", "1", "lower", sliding.friction_coast),
-    Metric("friction.lift", "m", "lower", sliding.friction_lift, _MM),
-    Metric("friction.tilt", "rad", "lower", sliding.friction_tilt),
-    Metric("friction.creep", "m/s", "lower", sliding.friction_creep, ("mm/s", 1e3)),
-    Metric("friction.heading", "1", "lower", sliding.friction_heading),
+    Metric("friction.stop", "1", "lower", forces.friction_stop),
+    Metric("friction.coast", "1", "lower", forces.friction_coast),
+    Metric("friction.lift", "m", "lower", forces.friction_lift, _MM),
+    Metric("friction.tilt", "rad", "lower", forces.friction_tilt),
+    Metric("friction.creep", "m/s", "lower", forces.friction_creep, ("mm/s", 1e3)),
+    Metric("friction.heading", "1", "lower", forces.friction_heading),
     Metric("momentum.linear", "1", "lower", energy.momentum_linear),
     Metric("momentum.angular", "1", "lower", energy.momentum_angular),
     Metric("momentum.withheld", "1", "lower", energy.momentum_withheld),

@@ -14,7 +14,7 @@ from touchstone.reports.nightly.night import Measured
 from touchstone.reports.nightly.store import Night
 from touchstone.reports.nightly.verdict import CHANGE, GONE, ORDER, REGRESSION, WARNING, Finding, ordered
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import Change, Content
+from touchstone.reports.page.html import Change, Content
 from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
 from touchstone.reports.run.reproduce import reproduce

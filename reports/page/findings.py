@@ -7,8 +7,7 @@ from html import escape
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.labels import label
-from touchstone.reports.page.content import Change
-from touchstone.reports.page.html import Cell, Linked, fold, long_table
+from touchstone.reports.page.html import Cell, Change, Linked, fold, long_table
 from touchstone.reports.results import Row
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.views.matrix import by_cause, cause_of, plural

@@ -12,8 +12,7 @@ from importlib.resources import files
 from string import Template
 
 from touchstone.reports.page import charts, findings, matrix, sections
-from touchstone.reports.page.content import Content, rows_by_scene
-from touchstone.reports.page.html import fold
+from touchstone.reports.page.html import Content, fold, rows_by_scene
 from touchstone.reports.page.playback import ALARM
 from touchstone.reports.page.sections import studies_part
 from touchstone.reports.results import rows_of

@@ -13,12 +13,12 @@ import pandas as pd
 
 from touchstone.adapters.engines.entry import ENGINES, Entry
 from touchstone.adapters.recording import RecordingError, load, scene_of_text
-from touchstone.reports.compare.stored import RunError, label_of, recordings_of, table_of
+from touchstone.reports.changes import RunError, label_of, recordings_of, table_of
 from touchstone.reports.machine import machine, origin
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course, course
-from touchstone.reports.page.content import Content
-from touchstone.reports.page.forces import force_charts
+from touchstone.reports.page.charts import force_charts
+from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 from touchstone.reports.results import write_beside

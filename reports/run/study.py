@@ -27,7 +27,7 @@ from touchstone.reports.run.ratios import ratio_rows, timed
 from touchstone.reports.run.request import MACHINE_PROFILE, STUDY, Request, Results
 from touchstone.reports.verdict.judge import judged_in, lost
 from touchstone.reports.views.comparison_pictures import draw, draw_forces
-from touchstone.reports.views.frame_budget_picture import write_picture
+from touchstone.reports.views.frame_budget import write_picture
 from touchstone.reports.views.markdown import report
 from touchstone.scenarios.scenario import Scenario
 

@@ -25,8 +25,7 @@ from touchstone.reports.studies.work_precision.definitions import QUANTITIES, tr
 from touchstone.reports.studies.work_precision.errors import TrueMotion, closed_path, errors_of
 from touchstone.reports.studies.work_precision.points import SweptRuns, band, reproduce, timing_cell
 from touchstone.reports.sweep.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
-from touchstone.reports.sweep.sweep import Executor, sweep
-from touchstone.reports.sweep.timing_rounds import TimingRounds
+from touchstone.reports.sweep.sweep import Executor, TimingRounds, sweep
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 

@@ -8,8 +8,7 @@ from math import nan
 import pandas as pd
 import pytest
 
-from touchstone.reports.changes import KINDS, changes, default, tolerances
-from touchstone.reports.compare.stored import RunError, label_of, table_of
+from touchstone.reports.changes import KINDS, RunError, changes, default, label_of, table_of, tolerances
 from touchstone.reports.results import Row, save, table
 from touchstone.scenarios.files.read import SceneFileError
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from touchstone.reports.views.frame_budget import HEADS, budget_part
-from touchstone.reports.views.frame_budget_picture import write_picture
+from touchstone.reports.views.frame_budget import HEADS, budget_part, write_picture
 from touchstone.reports.views.render import console, print_parts
 from touchstone.reports.views.terminal import budget_parts
 from touchstone.scenarios.catalogue import tagged

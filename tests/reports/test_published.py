@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from touchstone.reports.metrics.context import NotMeasured
-from touchstone.reports.page.content import Content
+from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import page
 from touchstone.reports.results import Row, table
 from touchstone.reports.run.request import Request, Results

@@ -70,9 +70,17 @@ def compare(
     quiet: QuietOption = False,
 ) -> None:
     """Show what changed beyond intervals, limits and tolerances; exit 1 if anything is worse or gone."""
-    from touchstone.reports.changes import FAILING, KINDS, SHOWN, changes, tolerances
+    from touchstone.reports.changes import (
+        FAILING,
+        KINDS,
+        SHOWN,
+        RunError,
+        changes,
+        report,
+        table_of,
+        tolerances,
+    )
     from touchstone.reports.cli.scenes.chosen import metrics_for
-    from touchstone.reports.compare.stored import RunError, table_of
     from touchstone.scenarios.files.read import SceneFileError
 
     try:
@@ -87,9 +95,10 @@ def compare(
     failing = ["worse"] if allow_gone else FAILING
     with output_to(out):
         if not printed(found[SHOWN], output) and not quiet:
-            from touchstone.reports.compare.show import show_changes
+            from touchstone.reports.views.render import console, print_parts
 
-            show_changes(found if every else found[found.kind.isin([*FAILING, "better"])])
+            shown = found if every else found[found.kind.isin([*FAILING, "better"])]
+            print_parts(report(shown), console())
             listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
             print(f"{len(one)} and {len(two)} rows: {listed}")
     for row in found[found.kind.isin(failing)].to_dict("records") if quiet else ():
@@ -112,7 +121,7 @@ def measure(
     runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")],
 ) -> None:
     """Write the sizes of the known failings of runs to the table of failings, and print the difference."""
-    from touchstone.reports.compare.stored import RunError, table_of
+    from touchstone.reports.changes import RunError, table_of
     from touchstone.reports.results import rows_of
     from touchstone.reports.verdict.failings import FILE, FailingsError, read, write
     from touchstone.reports.verdict.measure import difference, measured
@@ -139,10 +148,10 @@ def judge(
     quiet: QuietOption = False,
 ) -> None:
     """Judge the recordings of an earlier run with today's metrics and limits."""
-    from touchstone.reports.compare.judge_again import judge as judge_again
-    from touchstone.reports.compare.stored import RunError
+    from touchstone.reports.changes import RunError
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
+    from touchstone.reports.run.judge_again import judge as judge_again
 
     folder = out or folder_of_now("judged-")
     chosen, of_file = metrics_for(metric or []), limits_for(limits, ())
@@ -175,9 +184,8 @@ def tolerances(
     quiet: QuietOption = False,
 ) -> None:
     """Measure how far apart times are between runs of one program: the tolerances of `compare` here."""
+    from touchstone.reports.changes import RunError, differences, table_of, toml_of
     from touchstone.reports.cli.listing import show_rows
-    from touchstone.reports.compare.measured_times import differences, toml_of
-    from touchstone.reports.compare.stored import RunError, table_of
 
     names = [str(run) for run in dict.fromkeys(runs)]
     if len(names) < 2:
@@ -221,7 +229,7 @@ def view(
 
     Writes one page that needs no network, from the recordings, and opens it.
     """
-    from touchstone.reports.compare.stored import RunError
+    from touchstone.reports.changes import RunError
     from touchstone.reports.page.run_page import own_columns, scene_page, scenes_of
 
     if out is not None:

@@ -112,8 +112,7 @@ def export(
 def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Path | None) -> None:
     """Write a recording; what is none, and formats of scenes, exit with one line."""
     from touchstone.adapters.recording import RecordingError, load, scene_of_text
-    from touchstone.reports.exports.glb import glb
-    from touchstone.reports.exports.tables import TABLES
+    from touchstone.reports.exports import TABLES, glb
 
     valid = ", ".join(OF_RECORDINGS)
     if form not in OF_RECORDINGS:

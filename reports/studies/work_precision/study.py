@@ -36,8 +36,7 @@ from touchstone.reports.studies.work_precision.errors import BAND
 from touchstone.reports.studies.work_precision.points import fronts, ladder, points, timing_cell
 from touchstone.reports.sweep.cells import ACCURACY, Cell
 from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.sweep import quietly, sweep
-from touchstone.reports.sweep.timing_rounds import TimingRounds
+from touchstone.reports.sweep.sweep import TimingRounds, quietly, sweep
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, logarithmic, marker_of, open_axes
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import catalogue

@@ -6,9 +6,15 @@ from math import inf, nan
 
 import pytest
 
-from touchstone.reports.changes import default, tolerance_of, tolerances
-from touchstone.reports.compare.measured_times import MARGIN, differences, toml_of
-from touchstone.reports.compare.stored import RunError
+from touchstone.reports.changes import (
+    MARGIN,
+    RunError,
+    default,
+    differences,
+    tolerance_of,
+    tolerances,
+    toml_of,
+)
 from touchstone.reports.results import Row, save, table
 
 

@@ -12,8 +12,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from touchstone.reports.exports.glb import body_mesh, glb
-from touchstone.reports.exports.tables import TABLES
+from touchstone.reports.exports import TABLES, body_mesh, glb
 from touchstone.scenarios.catalogue import catalogue
 
 COUNTS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from touchstone.reports.sweep.cells import grid
-from touchstone.reports.sweep.dask_pool import ClusterError, DaskPool
-from touchstone.reports.sweep.slurm import PartError, part_of, script
+from touchstone.reports.sweep.clusters import ClusterError, DaskPool, PartError, part_of, script
 from touchstone.reports.sweep.store import Store
 from touchstone.reports.sweep.sweep import sweep
 
@@ -74,7 +73,7 @@ def test_a_cluster_keeps_going(fakes, tmp_path, monkeypatch):
 def test_an_unreachable_cluster_is_one_line(fakes, tmp_path, monkeypatch, address):
     """The address is named, and what the store holds stays."""
     pytest.importorskip("distributed")
-    monkeypatch.setattr("touchstone.reports.sweep.dask_pool.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("touchstone.reports.sweep.clusters.CONNECT_SECONDS", 1)
     with pytest.raises(ClusterError, match=f"^--dask {address}: cannot be reached [^\n]*$"):
         sweep(fakes("square", 1), tmp_path / "s", executor=lambda output: DaskPool(address, 1, output))
     assert Store(tmp_path / "s").table().empty
