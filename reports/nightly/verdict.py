@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.changes import ACROSS_NIGHTS, ROW, TIMED, VERDICT, changes
-from touchstone.reports.metrics.labels import label
+from touchstone.reports.metrics import label
 from touchstone.reports.nightly.night import OUTCOME, described
 from touchstone.reports.nightly.store import Night, Store, identity_changes
 from touchstone.reports.results import COLUMNS

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from html import escape
 
-from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.labels import label
+from touchstone.reports.metrics import METRICS, label
 from touchstone.reports.page.html import Cell, Change, Linked, fold, long_table
 from touchstone.reports.results import Row
 from touchstone.reports.run.reproduce import reproduce

@@ -7,8 +7,7 @@ from dataclasses import replace
 from html import escape
 from math import isfinite
 
-from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.labels import label
+from touchstone.reports.metrics import METRICS, label
 from touchstone.reports.results import Row
 from touchstone.reports.run.reproduce import reproduce, script_command
 from touchstone.reports.views.matrix import LIMITS, TOPICS, Entry, entries, missed_line, shown

@@ -7,7 +7,7 @@ from html import escape
 
 import pandas as pd
 
-from touchstone.reports.metrics.labels import label
+from touchstone.reports.metrics import label
 from touchstone.reports.page import charts
 from touchstone.reports.page.findings import SHOWN, metric_part, remarks, scene_part, valued
 from touchstone.reports.page.html import Cell, Content, figure, fold, long_table, part_body, plain_table

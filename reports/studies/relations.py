@@ -210,9 +210,7 @@ def run(columns: Sequence[Column], scenes: Sequence[Scenario], out: Path, progre
         for task, one in zip(asked, found):
             rows += rows_of_task(task, one)
         facts = {"study": STUDY, "scenes": [scene.name for scene in scenes]}
-        return kept(
-            [*missing_rows(STUDY, columns), *rows], folder, facts, {"relations.png": deviations_picture}
-        )
+        return kept(rows, folder, facts, {"relations.png": deviations_picture})
 
 
 def rows_of_task(task: Task, found: Deviations | Ended) -> list[Row]:

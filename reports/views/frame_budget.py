@@ -11,14 +11,11 @@ from math import ceil
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.views.pictures import INK, PALE
+from touchstone.reports.views.pictures import INK, PALE, figure
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
 
@@ -123,13 +120,10 @@ def write_picture(recordings: Mapping[tuple[str, str, str], Recording], folder: 
 
 def frame_budget(found: list[Budget], path: Path) -> None:
     """Draw the scenes in rows of two panels."""
-    style = {"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": PALE}
     lines = ceil(len(found) / COLUMNS)
-    with rc_context(style):  # type: ignore[arg-type]
-        figure = Figure(figsize=(11, 0.6 + 2.6 * lines), dpi=150, layout="constrained")
-        FigureCanvasAgg(figure)
-        heights = [3, 1.5] * lines
-        panels = figure.subplots(2 * lines, COLUMNS, squeeze=False, gridspec_kw={"height_ratios": heights})
+    with figure(path, 11, 0.6 + 2.6 * lines, 9.5) as drawn:
+        heights = {"height_ratios": [3, 1.5] * lines}
+        panels = drawn.subplots(2 * lines, COLUMNS, squeeze=False, gridspec_kw=heights)
         for place in range(lines * COLUMNS):
             line, column = divmod(place, COLUMNS)
             above, below = panels[2 * line][column], panels[2 * line + 1][column]
@@ -142,10 +136,9 @@ def frame_budget(found: list[Budget], path: Path) -> None:
             below.set_xlabel("time in the scene [s]" if place + COLUMNS >= len(found) else "")
         handles, labels = panels[0][0].get_legend_handles_labels()
         more = panels[1][0].get_legend_handles_labels()
-        figure.legend(
+        drawn.legend(
             [*handles, *more[0]], [*labels, *more[1]], loc="outside upper center", ncols=6, frameon=False
         )
-        figure.savefig(path, format="png", facecolor="white")
 
 
 def _draw_stages(axes: Axes, budget: Budget) -> None:
