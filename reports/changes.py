@@ -1,4 +1,19 @@
-"""Stored runs and what changed between two of them, by the tolerances of times that several show."""
+"""Stored runs and what changed between two of them, by the tolerances of times that several show.
+
+Tolerances of times, measured: how far apart the times of runs of one program on one machine are.
+
+`times.toml` has those that `touchstone compare` takes unless a file says otherwise. Measure it again by
+several runs, `touchstone run SCENES --out runs/K`, and
+
+    touchstone tolerances runs/1 runs/2 ... --out times.toml && mv times.toml reports
+
+What changed from one set of rows to another, beyond intervals, limits and tolerances.
+
+A row is worse if its verdict is, or if its value moved to the worse side by more than its tolerance while it
+has no limit or breaks it. Within a limit nothing is worse. Where both values have intervals, they must be
+apart. A value whose metric has no better side has changed. What the later run lacks is gone: a scene, an
+engine, a figure, or a column of other settings or another step.
+"""
 
 from __future__ import annotations
 

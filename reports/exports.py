@@ -1,4 +1,10 @@
-"""Recordings in files of other programs: tables, and glTF scenes."""
+"""Recordings in files of other programs: tables, and glTF scenes.
+
+A recording as animated binary glTF 2.0 (GLB), which Blender, Windows, macOS and web viewers open.
+
+glTF has y up; the root node turns our z up. A node per body carries its mesh; bodies that move have a
+translation and a rotation per frame, interpolated linearly.
+"""
 
 from __future__ import annotations
 

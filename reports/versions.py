@@ -1,4 +1,11 @@
-"""Versions of this program compared: the same scenes played in the environment of each, and their table."""
+"""Versions of this program compared: the same scenes played in the environment of each, and their table.
+
+Play scenes on several released versions of an engine, and compare each with the first.
+
+Every version plays in child processes of its own environment; recordings are judged here, by one judge. Each
+round starts new processes, because a process's speed depends on where its memory lies. Within a round the
+versions take turns, and the order changes from round to round.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`touchstone check-engine` and `touchstone doctor`."""
+"""`touchstone check-engine` and `touchstone doctor`.
+
+The module is imported by every command: what it needs of engines is imported on demand.
+"""
 
 from __future__ import annotations
 

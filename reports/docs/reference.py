@@ -1,4 +1,9 @@
-"""Pages that follow from the code alone: commands, scenes, metrics, profiles, settings."""
+"""Pages that follow from the code alone: commands, scenes, metrics, profiles, settings.
+
+A page per engine of all its settings: values, their source, the lines to paste, and who reviewed them.
+
+Lines are what the adapter sets in the scene SCENE with the setting, without what it sets without it.
+"""
 
 from __future__ import annotations
 

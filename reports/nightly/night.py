@@ -1,4 +1,11 @@
-"""A night: scene by scene, each stored as soon as it is finished, so that a killed night is continued."""
+"""A night: scene by scene, each stored as soon as it is finished, so that a killed night is continued.
+
+Studies of a night: hard cases that rotate, and studies whose period is over.
+
+A night's identity names the studies that it holds, with the time that each took (`studies`). It says when a
+study ran last on this machine, and whether it fits into the time that is left. Studies that measure times by
+their own rules are no part of nights.
+"""
 
 from __future__ import annotations
 

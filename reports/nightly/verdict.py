@@ -1,4 +1,12 @@
-"""Verdict of a night: physics against the accepted night, times against the nights before."""
+"""Verdict of a night: physics against the accepted night, times against the nights before.
+
+Verdicts on a series of times, one value per night: rules for noise that is right-tailed and has spikes.
+
+A step is confirmed by an exact permutation test: how much better does one common shift explain the last three
+nights than three draws from the noise, compared with every other choice of three nights? The noise model (a
+normal core, and spikes with an exponential tail) decides the power only. The rate of false alarms is the
+level of the test for any noise whose nights are exchangeable.
+"""
 
 from __future__ import annotations
 

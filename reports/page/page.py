@@ -11,7 +11,7 @@ from html import escape
 from importlib.resources import files
 from string import Template
 
-from touchstone.reports.page import charts, findings, matrix, sections
+from touchstone.reports.page import charts, matrix, sections
 from touchstone.reports.page.html import Content, fold, rows_by_scene
 from touchstone.reports.page.playback import ALARM
 from touchstone.reports.page.sections import studies_part
@@ -57,7 +57,7 @@ def page(content: Content) -> str:
         sections.charts_part(content),
         sections.nights_part(content),
         fold("Hard cases and studies", studies, "studies") if studies else "",
-        findings.known_part(every, scenes),
+        matrix.known_part(every, scenes),
         fold("Where the reference loses", sections.reference_loses(content.frame, scenes), "loses"),
         sections.scene_parts(content, scenes),
         fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
@@ -70,8 +70,8 @@ def page(content: Content) -> str:
         title=escape(content.title),
         level=content.level,
         verdict=escape(content.verdict),
-        changes=findings.changes_part(content.changes, scenes),
-        broken=findings.broken_part(every, scenes),
+        changes=matrix.changes_part(content.changes, scenes),
+        broken=matrix.broken_part(every, scenes),
         scale=escape(SCALE),
         legend="".join(f"<p>{escape(line)}</p>" for line in LEGEND.splitlines()),
         matrix=table,

@@ -1,4 +1,9 @@
-"""`report.html` of a run."""
+"""`report.html` of a run.
+
+Page of one scene of a stored run, from its recordings.
+
+A folder of `touchstone versions` holds a run per version: its columns are called ENGINE==VERSION.
+"""
 
 from __future__ import annotations
 

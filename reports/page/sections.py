@@ -9,8 +9,8 @@ import pandas as pd
 
 from touchstone.reports.metrics import label
 from touchstone.reports.page import charts
-from touchstone.reports.page.findings import SHOWN, metric_part, remarks, scene_part, valued
 from touchstone.reports.page.html import Cell, Content, figure, fold, long_table, part_body, plain_table
+from touchstone.reports.page.matrix import SHOWN, metric_part, remarks, scene_part, valued
 from touchstone.reports.results import NOT_RUN, Row, rows_of
 from touchstone.reports.run.farthest_apart import headlines
 from touchstone.reports.run.reproduce import reproduce

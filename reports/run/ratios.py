@@ -1,4 +1,10 @@
-"""`ratio.time`: the reference's time over an engine's, judged on the frames in which one has a contact."""
+"""`ratio.time`: the reference's time over an engine's, judged on the frames in which one has a contact.
+
+Ratio of the reference's time to an engine's as a product: steps x articulated dynamics x time per step.
+
+With r the reference at its own step and q at the common step, R an engine at its own step, E at the common
+step and P there with kinematic links, all over the same frames: r / R = (r / q * E / R) * (P / E) * (q / P).
+"""
 
 from __future__ import annotations
 

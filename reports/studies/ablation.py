@@ -33,8 +33,7 @@ from touchstone.reports.run.measure import measured
 from touchstone.reports.studies.study import RefusedError, kept, with_interval
 from touchstone.reports.studies.tasks import Ended, own_step, played
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.verdict.outcomes import judge
-from touchstone.reports.verdict.random_outcomes import EXACT, judge_random
+from touchstone.reports.verdict.outcomes import EXACT, judge, judge_random
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes, panels
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number

@@ -1,4 +1,9 @@
-"""Sweeps on clusters: by Dask, or by an array job of Slurm."""
+"""Sweeps on clusters: by Dask, or by an array job of Slurm.
+
+Executor on a Dask cluster: an existing one, or one on this machine (extra `dask`).
+
+The cluster's workers must be able to import touchstone. A cell that kills its worker, or hangs, costs a row.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Run a sweep: skip the cells that a store holds, play the others, append each batch as it ends."""
+"""Run a sweep: skip the cells that a store holds, play the others, append each batch as it ends.
+
+Executor of timing cells: one at a time, on one core, engines interleaved, all processes new in each round.
+
+The rules are those of `docs/fairness.md`: nothing else of this program runs meanwhile, each round draws its
+own order, and the spread over rounds is what a second run would show.
+"""
 
 from __future__ import annotations
 

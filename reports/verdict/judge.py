@@ -2,6 +2,11 @@
 
 With noisy trackers physical laws keep their limits; limits that follow from the ideal tracker do not apply.
 With explicit torques, what only these cause is the harness' failing.
+
+Number of a scene's limits that each column meets, out of the same number for every column.
+
+A metric counts once, by its worst subject. A metric that is judged in one column but not in another does not
+apply in the other, with a reason; not applicable is not a pass.
 """
 
 from __future__ import annotations

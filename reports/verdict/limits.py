@@ -1,5 +1,11 @@
 """Table of limits: the largest allowed value of a metric, where, and why. `failings.csv` has the
-exceptions."""
+exceptions.
+
+Limits that scenes bring along or a file gives, beside our own.
+
+A scene without one of the catalogue's tags is foreign: our limits and known failings say nothing of it. A
+limit of its own, or of a file, replaces ours in the rows that it covers.
+"""
 
 from __future__ import annotations
 

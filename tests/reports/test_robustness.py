@@ -27,7 +27,7 @@ from touchstone.reports.studies.robustness.study import (
     tasks,
 )
 from touchstone.reports.verdict.figures import available_energy
-from touchstone.reports.verdict.random_outcomes import EXACT, lowest_points
+from touchstone.reports.verdict.outcomes import EXACT, lowest_points
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import PairCoefficients, Scenario

@@ -1,4 +1,10 @@
-"""Contact forces, friction and sliding of pairs."""
+"""Contact forces, friction and sliding of pairs.
+
+Contact forces per pair of bodies: the normal impulses that an engine reports, over displayed frames.
+
+A frame's force is the sum of its normal impulses over its duration, so that engines with different steps
+compare. Links count as their driven body.
+"""
 
 from __future__ import annotations
 

@@ -12,6 +12,17 @@ deep part lies between two frames, the path is unknown; it counts as a passage o
 Reported contacts hide no passage that the first two conditions prove. The last two prove nothing if the spin
 of a piece that is no ball changed within the frame: it tumbles or was struck, so its orientation on the way
 is unknown. Nor do they if a body moved otherwise than one change of its velocity explains: others struck it.
+
+Signed distance of two pieces during the motion of their bodies between displayed frames.
+
+A recording holds poses at frames only. Between two frames a body is assumed to move on a straight line and to
+turn about a fixed axis (`chord`), or to keep the velocities of a frame (`onward`, `backward`).
+
+Culls pairs of pieces that cannot overlap deeply between two frames, by boxes and balls, without the
+oracle.
+
+A pair remains where the bounding balls of both pieces overlap by a required depth on their chords, and where
+the extents of each cut as deep into the other's box.
 """
 
 from __future__ import annotations

@@ -1,4 +1,10 @@
-"""Times and places of expected events: touch, roll, leave, land, meet, part."""
+"""Times and places of expected events: touch, roll, leave, land, meet, part.
+
+Times between frames at which a gap closes or opens, from the free arcs on both sides.
+
+A displayed frame is too coarse to resolve a bounce. Positions and velocities are therefore extrapolated under
+gravity, forward from the last free frame and backward from the next. The engine's own contacts are not used.
+"""
 
 from __future__ import annotations
 

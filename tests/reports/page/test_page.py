@@ -13,7 +13,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from touchstone.reports.page.findings import broken_part
+from touchstone.reports.page.matrix import broken_part
 from touchstone.reports.page.page import MOST_PLAYBACK, within_budget
 from touchstone.reports.page.playback import INT16
 from touchstone.reports.results import Row, table
