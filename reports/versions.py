@@ -330,7 +330,11 @@ def _figures(found: Compared) -> Part:
         rows.append([row["kind"], key[0], name, "" if unit == "1" else unit, *shown])
     rest = len(changed) - MOST_FIGURES
     notes = [f"{rest} more changed figures are in changes.csv"] if rest > 0 else []
-    return Part("", ("", "scene", "figure", "unit", *versions), rows, notes, words=4, tight=True)
+    return (
+        Part()
+        if not rows
+        else Part("", ("", "scene", "figure", "unit", *versions), rows, notes, words=4, tight=True)
+    )
 
 
 def _shown(metric: str, value: float) -> str:

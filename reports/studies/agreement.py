@@ -351,7 +351,8 @@ def report(frame: pd.DataFrame) -> list[Part]:
         for model in rows_of(part[part.verdict != "skipped"]):
             rows.append([*_cells(model, rows_of(block[block.engine == model.engine]), lone)])
     title = "agreement: scenes with a closed form, each engine at its own step and down to 1/1920 s"
-    return [Part(title, HEADS, rows, NOTES), _bands(frame), failures(frame)]
+    table = Part(title, HEADS, rows, NOTES) if rows else Part()
+    return [table, _bands(frame), failures(frame)]
 
 
 BAND_HEADS = ("engine", "own step\n[s]", "error\n[mm]", "finest\n[mm]", "change\n[mm]")
@@ -375,6 +376,8 @@ def _bands(frame: pd.DataFrame) -> Part:
                 )
                 cells = ("-" if isnan(one) else number(1e3 * one) for one in (row.value, far, change))
                 rows.append([row.engine, step_text(row.dt), *cells])
+    if not bands:
+        return Part()
     lines = [f"{band.scenario}: {band.reason}" for band in bands]
     return Part("agreement: scenes without a closed form", BAND_HEADS, rows, BAND_NOTES, lines)
 

@@ -226,7 +226,7 @@ def report(frame: pd.DataFrame) -> list[Part]:
             means.append([scenario, engine, left, between, limit_text(row), count])
     return [
         Part("effects: the plan against all effects", HEADS, figures, words=2),
-        Part("effects: one by one, on the reference", ["scene", *shorts], toggles),
+        Part("effects: one by one, on the reference", ["scene", *shorts], toggles) if toggles else Part(),
         Part("effects: geometric means of what the plan leaves of the time", MEANS, means, words=2),
         remarks(frame, NOTES),
     ]

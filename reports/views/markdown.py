@@ -55,7 +55,7 @@ def report(request: Request, results: Results) -> str:
     parts += markdown(losses_part(frame))
     for scenario in request.scenarios:
         scene = frame[frame.scenario == scenario.name]
-        grid = replace(grid_part(frame, scenario.name), title="", notes=[f"`{LEGEND}`"])
+        grid = replace(grid_part(frame, scenario.name, code=True), title="", notes=[f"`{LEGEND}`"])
         parts += ["", f"## {scenario.name}", "", f"{scenario.summary}.", *markdown(grid)]
         remarks = Part("remarks", lines=remark_lines(scene) or ["none"])
         for part in (_asked(scene, scenario), ratio_part(scene), _budget(scene), _spreads(scene), remarks):

@@ -34,7 +34,7 @@ class Part:
         tight: whether there is no more than a space between columns.
         wrap: whether terminals break the lines; others stay whole, so that commands can be copied.
         picture: file of its picture, which Markdown shows.
-        empty: what Markdown says in place of a table without rows.
+        empty: what Markdown says in place of a table without rows; terminals leave such a part out.
     """
 
     title: str = ""
@@ -58,16 +58,16 @@ def print_parts(parts: Iterable[Part], out: Console) -> None:
     """Print tables, notes and lines."""
     apart = False
     for part in parts:
-        if part.rows:
-            out.print(*[""] * apart, _table(part))
-        elif part.heads:
+        if part.empty and not part.rows:
             continue
+        if part.heads:
+            out.print(*[""] * apart, _table(part))
         for note in part.notes:
             out.print(note, style="dim", highlight=False)
         for line in part.lines:
             style = "red" if str(line).startswith(("fail", "error")) else ""
             out.print(line, style=style, highlight=False, soft_wrap=not part.wrap)
-        apart = bool(part.notes or part.lines) or (apart and not part.rows)
+        apart = bool(part.notes or part.lines) or (apart and not part.heads)
 
 
 def _table(part: Part) -> Table:

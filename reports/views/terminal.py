@@ -244,8 +244,8 @@ def scene_parts(scene: pd.DataFrame, shown: Collection[Column] = ()) -> list[Par
     ]
 
 
-def grid_part(frame: pd.DataFrame, name: str, shown: Collection[Column] = ()) -> Part:
-    """The values of one scene: metrics over columns."""
+def grid_part(frame: pd.DataFrame, name: str, shown: Collection[Column] = (), code: bool = False) -> Part:
+    """The values of one scene: metrics, as code if wanted, over columns."""
     cells = grid(frame, name, shown)
     rows: list[list[str | Text]] = []
     family = ""
@@ -253,7 +253,8 @@ def grid_part(frame: pd.DataFrame, name: str, shown: Collection[Column] = ()) ->
         if family and metric.split(".")[0] != family:
             rows.append([])
         family = metric.split(".")[0]
-        first = Text.assemble(metric, (f" {subject}" if subject else "", "dim"))
+        figure = f"`{metric}`" if code else metric
+        first = Text.assemble(figure, (f" {subject}" if subject else "", "dim"))
         rows.append([first, "" if unit == "1" else unit, *map(text_of, row)])
     heads = [f"{engine}\n{profile}\n{step} s" for engine, profile, step in cells.heads]
     return Part(name, ["metric", "unit", *heads], rows, LEGEND.splitlines(), words=2)
