@@ -136,7 +136,11 @@ def _section(request: Request, results: Results, section: Section, own: Columns)
     lines += [f"no engine apart: {', '.join(section.equal)}"] if section.equal else []
     lines += [f"no figure of two engines: {', '.join(section.without)}"] if section.without else []
     title = f"differences in {name}"
-    return Part(title, heads, rows, (), lines, words=3, picture=f"{name}.png" if rows else "")
+    return (
+        Part(title, heads, rows, (), lines, words=3, picture=f"{name}.png")
+        if rows
+        else Part(title, lines=lines)
+    )
 
 
 def _line(line: Line, own: Columns, limit: str, again: str) -> list[str]:

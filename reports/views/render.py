@@ -89,7 +89,7 @@ def _table(part: Part) -> Table:
 def markdown(part: Part, level: int = 2) -> list[str]:
     """Lines of a part in Markdown: title, table, notes, picture, lines."""
     found = ["", f"{'#' * level} {part.title[0].upper()}{part.title[1:]}", ""] if part.title else [""]
-    if part.rows:
+    if part.rows or (part.heads and not part.empty):
         heads = [head.replace("-\n", "").replace("\n", " ") for head in part.heads]
         rule = ["---:" if part.is_number(k) else "---" for k in range(len(heads))]
         for row in (heads, rule, *filter(None, part.rows)):
