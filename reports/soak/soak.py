@@ -1,7 +1,7 @@
 """The soak: random scenes of consecutive seeds, each judged by all invariants, until the time is up.
 
 A run breaks an invariant if it is not finite, explodes, hangs, passes through something, overlaps, gains
-energy or loses momentum beyond what the reference guarantees (`verdict.random_outcomes.EXACT`). A residual
+energy or loses momentum beyond what the reference guarantees (`verdict.outcomes.EXACT`). A residual
 that the reference itself reports is counted, and is no failure.
 """
 
