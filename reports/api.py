@@ -19,7 +19,7 @@ from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.names import checked
 from touchstone.reports.run.request import DEFAULT_PROFILES, REFERENCE, Request, Results, columns_of
 from touchstone.reports.run.study import run as run_study
-from touchstone.reports.verdict.own_limits import check_limits
+from touchstone.reports.verdict.limits import check_limits
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.named import NoScene, scenes_named
 from touchstone.scenarios.scenario import Scenario

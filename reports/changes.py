@@ -1,4 +1,13 @@
-"""What changed from one set of rows to another, beyond intervals, limits and tolerances.
+"""Stored runs and what changed between two of them, by the tolerances of times that several show.
+
+Tolerances of times, measured: how far apart the times of runs of one program on one machine are.
+
+`times.toml` has those that `touchstone compare` takes unless a file says otherwise. Measure it again by
+several runs, `touchstone run SCENES --out runs/K`, and
+
+    touchstone tolerances runs/1 runs/2 ... --out times.toml && mv times.toml reports
+
+What changed from one set of rows to another, beyond intervals, limits and tolerances.
 
 A row is worse if its verdict is, or if its value moved to the worse side by more than its tolerance while it
 has no limit or breaks it. Within a limit nothing is worse. Where both values have intervals, they must be
@@ -8,21 +17,188 @@ engine, a figure, or a column of other settings or another step.
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
-from math import inf, isfinite, isinf
+from itertools import combinations
+from math import ceil, inf, isfinite, isinf
 from pathlib import Path
 from typing import Annotated, Any
 
 import pandas as pd
+import pyarrow
 
 from touchstone.adapters.contract import MISSING, UNIMPORTABLE
-from touchstone.reports.compare.stored import RunError
+from touchstone.adapters.recording import Recording, RecordingError, load
+from touchstone.reports.machine import machine
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.results import UNJUDGED
+from touchstone.reports.results import COLUMNS, NUMBERS, UNJUDGED
 from touchstone.reports.run.request import step_text
+from touchstone.reports.views.render import Part
 from touchstone.scenarios.files.read import SceneFileError, data_of_file
+
+NEEDED = (
+    "study",
+    "scenario",
+    "engine",
+    "profile",
+    "metric",
+    "subject",
+    "verdict",
+    "reason",
+    "unit",
+    *NUMBERS,
+)
+"""Columns that every version has written."""
+TABLES = ("results.parquet", "results.csv")
+
+
+class RunError(ValueError):
+    """A folder holds no results; the message says what is missing."""
+
+
+def table_of(folder: Path) -> pd.DataFrame:
+    """Long table of a run, with the columns of `results.COLUMNS`; raises RunError."""
+    if not folder.is_dir():
+        raise RunError(f"{folder}: no such folder")
+    path = next((folder / name for name in TABLES if (folder / name).is_file()), None)
+    if path is None:
+        raise RunError(f"{folder}: holds neither {' nor '.join(TABLES)}")
+    try:
+        frame = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    except (OSError, ValueError, pyarrow.ArrowException) as error:
+        raise RunError(f"{path}: cannot be read: {f'{error}'.partition(chr(10))[0][:100]}") from error
+    if missing := [name for name in NEEDED if name not in frame]:
+        raise RunError(f"{path}: no columns {', '.join(missing)}")
+    for name in NUMBERS:
+        try:
+            frame[name] = pd.to_numeric(frame[name])
+        except (ValueError, TypeError) as error:
+            raise RunError(f"{path}: {name}: expected numbers") from error
+    texts = [name for name in COLUMNS if name not in NUMBERS]
+    frame = frame.reindex(columns=list(COLUMNS))  # an older table lacks newer columns
+    frame[texts] = frame[texts].astype(object).fillna("").astype(str)
+    return frame
+
+
+def recordings_of(folder: Path) -> Iterator[tuple[Path, Recording]]:
+    """Recordings of a run with their paths; raises RunError if there are none or one cannot be read."""
+    if not folder.is_dir():
+        raise RunError(f"{folder}: no such folder")
+    paths = sorted((folder / "recordings").glob("*.npz"))
+    if not paths:
+        raise RunError(f"{folder}: no recordings; expected recordings/*.npz")
+    for path in paths:
+        try:
+            yield path, load(path)
+        except RecordingError as error:
+            raise RunError(str(error)) from error
+
+
+def label_of(path: Path, recording: Recording) -> tuple[str, str, str]:
+    """Scene, engine and label (profile and what was changed in it) of a recording, from its file's name."""
+    scene = str(json.loads(recording.scenario)["name"])
+    facts = recording.facts
+    engine, profile = str(facts["engine"]), str(facts["profile"])
+    rest = path.stem.removeprefix(f"{scene}-{engine}-")
+    changed = rest.removeprefix(profile) if rest.startswith(profile) else ""
+    return scene, engine, profile + changed.replace("+", ", ", 1)
+
+
+MARGIN = 1.25
+"""Ratio of a tolerance to the largest difference that was measured [1]: further runs may exceed it."""
+SAME = 1e-9
+"""Relative difference of other figures between runs of one program [1]: they repeat to the bit."""
+PATTERNS = {"time.": "time.*", "ratio.time": "ratio.time*"}
+"""Times that were not measured, such as those of studies: pattern per start."""
+HEADS = ("metric", "rows", "median", "largest", "tolerance")
+
+
+def differences(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Differences of times over all pairs of runs, relative to the larger time: columns HEADS [1].
+
+    Args:
+        tables: name -> long table of a run.
+    Raises:
+        RunError: runs that differ in more than times, or have no time in common.
+    """
+    joined = _joined(tables)
+    timed = joined.index.get_level_values("metric").str.startswith(TIMED)
+    _check_same(joined[~timed])
+    times = joined[timed].dropna()
+    if times.empty:
+        raise RunError(f"{' '.join(tables)}: no time in common")
+    apart = (times.max(axis=1) - times.min(axis=1)) / times.abs().max(axis=1)
+    pairs = pd.concat(
+        [(times[a] - times[b]).abs() / times[[a, b]].abs().max(axis=1) for a, b in combinations(tables, 2)]
+    )
+    found = pd.DataFrame(
+        {
+            "rows": apart.groupby(level="metric").size(),
+            "median": pairs.fillna(0.0).groupby(level="metric").median(),
+            "largest": apart.fillna(0.0).groupby(level="metric").max(),
+        }
+    ).reset_index()
+    found["tolerance"] = [_tolerance(value) for value in found.largest]
+    return found[list(HEADS)]
+
+
+def _tolerance(largest: float) -> float:
+    """MARGIN times the largest difference, rounded up; inf where that covers any difference."""
+    found = ceil(round(100 * MARGIN * largest, 6)) / 100
+    return found if found < 1 else inf
+
+
+def _joined(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Values of the rows that all runs have, a column per run."""
+    parts = []
+    for name, frame in tables.items():
+        kept = frame.drop_duplicates(KEY)
+        kept = kept.assign(dt=kept.dt.fillna(0.0).round(12)).set_index(KEY)
+        parts.append(kept.value.rename(name))
+    return pd.concat(parts, axis=1, join="inner")
+
+
+def _check_same(others: pd.DataFrame) -> None:
+    """Raise RunError if figures that no clock measures differ: more than chance lies between such runs."""
+    low, high = others.min(axis=1), others.max(axis=1)
+    size = others.abs().max(axis=1)
+    apart = (high - low) > SAME * size
+    if apart.any():
+        _, scene, engine, profile, *_, metric, _ = others.index[apart][0]
+        raise RunError(
+            f"{' '.join(others.columns)}: {metric} of {scene} on {engine} {profile} differs; tolerances of "
+            "times need runs of one program"
+        )
+
+
+def toml_of(found: pd.DataFrame, runs: Sequence[str]) -> str:
+    """A file for `--tolerance`, with what was measured in its comments."""
+    where = "{processor}, {cores} cores".format(**machine())
+    lines = [
+        f"# Written by `touchstone tolerances {' '.join(runs)}`.",
+        f"# {len(runs)} runs of one program, {where}: {MARGIN} times the largest difference, relative to the",
+        "# larger time. inf: runs differ by so much that nothing is judged.",
+    ]
+    for start, pattern in PATTERNS.items():
+        mine = found[found.metric.str.startswith(start)]
+        if len(mine):
+            lines += ["", "[[tolerances]] # times that were not measured", f'metric = "{pattern}"']
+            lines += [f"relative = {_number(mine.tolerance.max())}"]
+    for row in found.to_dict("records"):
+        lines += [
+            "",
+            f"[[tolerances]] # {row['rows']} rows: largest {row['largest']:.2f}, median {row['median']:.3f}",
+        ]
+        lines += [f'metric = "{row["metric"]}"', f"relative = {_number(row['tolerance'])}"]
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if isfinite(value) else "inf"
+
 
 RUN = ["study", "scenario", "engine", "profile", "dt", "seed", "repeat"]
 KEY = [*RUN, "metric", "subject"]
@@ -74,7 +250,7 @@ class Tolerance:
 
 
 FILE = Path(__file__).with_name("times.toml")
-"""Tolerances of times of one program, as `compare/measured_times.py` measures them."""
+"""Tolerances of times of one program, as `changes.py` measures them."""
 FIGURES = Tolerance("*", relative=1e-6, absolute=1e-9)
 """Of all figures but times: engines repeat them to the bit on one machine; others round otherwise."""
 PROGRAMS = Tolerance("*", relative=1e-2, absolute=1e-9)
@@ -258,3 +434,26 @@ def _sign(metric: str) -> int:
     if metric in METRICS:
         return {"lower": 1, "higher": -1, "none": 0}[METRICS[metric].better]
     return 1 if metric.startswith("ratio.time") or metric.endswith(".spread") else 0
+
+
+WIDEST = 90
+"""Widest remark of a report [characters]."""
+
+
+def report(frame: pd.DataFrame) -> list[Part]:
+    """Rows of `changes` by kind: scene, engine, metric, both values and the reason."""
+    parts = []
+    for kind, rows in frame.groupby("kind", sort=False):
+        lines = [
+            [
+                row["scenario"],
+                f"{row['engine']} {row['profile']}",
+                f"{row['metric']} {row['subject'] or ''}".strip(),
+                *("" if row[side] != row[side] else f"{row[side]:.4g}" for side in "ab"),
+                str(row["reason"])[:WIDEST],
+            ]
+            for row in rows.to_dict("records")
+        ]
+        heads = ("scene", "engine", "metric", "A", "B", "remark")
+        parts.append(Part(f"{kind}: {len(rows)}", heads, lines, words=3, last=1))
+    return parts

@@ -153,8 +153,7 @@ def engine(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(scope="session")
 def play(pytestconfig: pytest.Config) -> Iterator[Callable[..., Recording]]:
     """Function that plays a scene on an engine and returns the recording (`Player.play`)."""
-    from touchstone.reports.assertions.play_cache import PlayCache
-    from touchstone.reports.assertions.player import Player
+    from touchstone.reports.assertions.player import PlayCache, Player
 
     keeps = pytestconfig.pluginmanager.hasplugin("cacheprovider")
     keeps &= not pytestconfig.getoption("--touchstone-no-cache")

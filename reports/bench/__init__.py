@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Protocol
 
 import pandas as pd
-from rich.console import Console
 
 from touchstone.reports.cli.progress import Progress
+from touchstone.reports.views.render import Part
 
 BENCHES = {
     "geometry": "convex depth: time per query of detectors, on single pairs and on a sliding hand",
@@ -27,8 +27,8 @@ class Bench(Protocol):
     """Steps of progress of a whole run."""
     run: Callable[[Path, Progress], pd.DataFrame]
     """Measure, and store all in a folder that appears complete or not at all."""
-    show: Callable[[pd.DataFrame, Console], None]
-    """Print tables and remarks."""
+    report: Callable[[pd.DataFrame], list[Part]]
+    """Tables and remarks."""
 
 
 def load(name: str) -> Bench:

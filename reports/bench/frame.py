@@ -9,28 +9,145 @@ where a scene has driven bodies. Intervals are over restarts and blocks of frame
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from math import nan
+from dataclasses import dataclass, field, replace
+from math import inf, nan
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from rich.text import Text
 
+from touchstone.adapters.contract import MISSING, Array, Settings
+from touchstone.adapters.recording import Recording, load
+from touchstone.adapters.registry import ENGINES, installed, missing_reason
+from touchstone.adapters.workers.children import Children, Job
 from touchstone.adapters.workers.process import last_core
-from touchstone.reports.bench.frame_table import show
-from touchstone.reports.bench.restarts import CONTESTANTS, Contestant, Take, played
+from touchstone.reports.bench.tables import MICRO, limit_text, remarks, spread_text, value_text
 from touchstone.reports.bootstrap import RATIO, STATISTICS, mean, restart_interval, restart_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, save_manifest, table
-from touchstone.reports.run.decomposition import factor_rows
+from touchstone.reports.results import Row, rows_of, save, save_manifest, table
 from touchstone.reports.run.measure import measured_of
-from touchstone.reports.run.ratios import Timed, pair_frames, ratio_rows, timed
+from touchstone.reports.run.ratios import FACTORS, Timed, factor_rows, pair_frames, ratio_rows, timed
+from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, step_text
+from touchstone.reports.views.render import Part
+from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.scenario import Scenario
 
-__all__ = ["duel", "run", "show", "steps"]
+BUDGET = 5.0
+"""Seconds of native steps after which a column stops in a scene: DART takes 20 minutes for 216 balls."""
+SLOW = 20.0
+"""A column that takes this many times as long as the fastest one of its scene is started once [1]."""
+OURS, THEIRS = ("balanced", "paper", EQUAL_PROFILE), (MACHINE_PROFILE, EQUAL_PROFILE)
+"""Profiles of the reference, and of the engines."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contestant:
+    """An engine under a name of its own: one process per restart plays all its settings."""
+
+    name: str
+    engine: str
+
+    def settings(self, scenario: Scenario) -> list[Settings]:
+        """Settings of all columns: where a scene has driven bodies, engines also with kinematic links."""
+        profiles = ENGINES[self.engine].profiles
+        if self.engine == REFERENCE:
+            return [Settings(name, profiles[name]) for name in OURS]
+        drives = ("native", "posed") if scenario.trackers else ("native",)
+        names = [name for name in THEIRS if name in profiles]
+        return [Settings(name, profiles[name], drive=drive) for name in names for drive in drives]
+
+
+CONTESTANTS = tuple(Contestant(name, name) for name in ENGINES)
+Key = tuple[str, str, str]
+"""Scene, contestant's name and label of its settings."""
+
+
+@dataclass(slots=True)
+class Take:
+    """What a column did in a scene: settings, the first restart's recording, times [s] of all restarts, and
+    status and reason if it failed."""
+
+    engine: str
+    settings: Settings
+    first: Recording | None = None
+    times: list[Array] = field(default_factory=list)
+    ended: tuple[str, str] | None = None
+
+    @property
+    def frame(self) -> float:
+        """Mean time of a frame in the first restart [s]; infinite if there is none."""
+        return float(self.times[0].mean()) if self.times else inf
+
+
+def played(
+    contestants: Sequence[Contestant],
+    scenarios: Sequence[Scenario],
+    restarts: int,
+    seed: int,
+    folder: Path,
+    progress: Progress,
+) -> Mapping[Key, Take]:
+    """Play all scenes `restarts` times; contestants, scenes and settings in an order that the seed draws.
+
+    The first restart plays each column once more before, for its recording, which stays in
+    `folder`/recordings: times are those of plays that read no state.
+    """
+    rng = np.random.default_rng(seed)
+    takes: dict[Key, Take] = {}
+    for name in ("recordings", "output"):
+        (folder / name).mkdir()
+    for restart in range(restarts):
+        for k in rng.permutation(len(contestants)):
+            one = contestants[k]
+            with Children(per_engine=True, core=last_core()) as children:
+                for i in rng.permutation(len(scenarios)):
+                    settings = one.settings(scenarios[i])
+                    for j in rng.permutation(len(settings)):
+                        key = (scenarios[i].name, one.name, settings[j].label)
+                        take = takes.setdefault(key, Take(one.engine, settings[j]))
+                        if take.ended is None and not (restart and _slow(key, takes)):
+                            _play(key, take, scenarios[i], children, folder, progress)
+                        progress(f"{one.name} {settings[j].label}", scenarios[i].frame_count)
+    return {
+        key: takes[key]
+        for scenario in scenarios
+        for one in contestants
+        for settings in one.settings(scenario)
+        if (key := (scenario.name, one.name, settings.label)) in takes
+    }
+
+
+def _play(
+    key: Key, take: Take, scenario: Scenario, children: Children, folder: Path, progress: Progress
+) -> None:
+    if not installed(take.engine):
+        take.ended = (MISSING, missing_reason(take.engine))
+        return
+    name = "-".join(key).replace(", ", "+")
+    for reading in (True, False) if take.first is None else (False,):
+        path = folder / "recordings" / f"{name if reading else 'times'}.npz"
+        output = folder / "output" / f"{name}.txt"
+        job = Job(take.engine, scenario, take.settings, path, output, BUDGET, reading)
+        (outcome,) = children.play([job], lambda label, count: progress(label, 0))
+        if outcome.status != "done":
+            take.ended = (outcome.status, outcome.reason)
+            return
+        recording = load(path)
+        if reading:
+            take.first = recording
+        else:
+            path.unlink()
+            take.times.append(recording.time_frame)
+
+
+def _slow(key: Key, takes: Mapping[Key, Take]) -> bool:
+    fastest = min(take.frame for other, take in takes.items() if other[0] == key[0])
+    return takes[key].frame > SLOW * fastest
+
 
 STUDY = "bench frame"
 RESTARTS = 5
@@ -128,3 +245,67 @@ def duel(
     found = restart_ratio(ours, theirs, mean, chosen)
     row = Row(STUDY, scenario.name, engine, one.label, nan, RATIO, found.value, "1", f"{engine} again")
     return replace(row, low=found.low, high=found.high)
+
+
+MILLI = 1e3
+TIMES = ("engine", "step [s]", "contact [µs]", "all", "median", "p99", "overlap\n[mm]")
+RATIOS = ("reference", "over", "contact", "all", "median", "p99", *("steps", "dynamics", "a step"))
+JUDGED = ("scene", "reference", "over the fastest", "statistic", "ratio", "95 % interval", "limit")
+NOTES = (
+    "contact: mean over the frames with a contact; all, median, p99: over all frames; a frame's time is the",
+    "median over restarts. ±: how far the 95 % interval over restarts and blocks of frames reaches",
+    "steps x dynamics x a step = the ratio with contact: of numbers of steps, of link dynamics, of the rest",
+)
+WORDS = {"": "contact", ".all": "all", ".median": "median", ".p99": "p99"}
+
+
+def report(frame: pd.DataFrame) -> list[Part]:
+    """Per scene the times of all columns and the reference's ratios, then every ratio with a limit."""
+    parts = []
+    for scenario in dict.fromkeys(frame.scenario):
+        rows = rows_of(frame[frame.scenario == scenario])
+        found = {(row.engine, row.profile, row.metric, row.subject): row for row in rows}
+        parts += [_times_part(scenario, found), _ratios(scenario, found)]
+    told = frame[frame.metric.str.startswith(("run", RATIO))]
+    return [*parts, _judged(frame), remarks(told, NOTES)]
+
+
+Rows = dict[tuple[str, str, str, str], Row]
+
+
+def _times_part(scenario: str, rows: Rows) -> Part:
+    lines = []
+    for engine, profile, metric, _ in rows:
+        if metric != "time.frame":
+            continue
+        row = rows[engine, profile, metric, ""]
+        first, *others = (rows[engine, profile, f"{metric}{suffix}", ""] for suffix in STATISTICS)
+        overlap = value_text(rows.get((engine, profile, "overlap.max", "")), MILLI)
+        times = [value_text(other, MICRO) for other in others]
+        name = f"{engine} {profile}".replace(", drive=", " ")
+        lines.append([name, step_text(row.dt), spread_text(first, MICRO), *times, overlap])
+    return Part(f"bench frame: {scenario}", TIMES, lines)
+
+
+def _ratios(scenario: str, rows: Rows) -> Part:
+    lines = []
+    for engine, profile, metric, subject in rows:
+        if (engine, metric) != (REFERENCE, RATIO):
+            continue
+        first, *others = (rows[engine, profile, f"{metric}{suffix}", subject] for suffix in STATISTICS)
+        factors = [value_text(rows.get((engine, profile, name, subject))) for name in FACTORS]
+        over = subject.replace(", drive=", " ")
+        lines.append([profile, over, spread_text(first), *map(value_text, others), *factors])
+    return Part(f"{scenario}: the reference over an engine", RATIOS, lines, words=2)
+
+
+def _judged(frame: pd.DataFrame) -> Part:
+    """One row per ratio with a limit."""
+    lines: list[list[str | Text]] = []
+    for row in rows_of(frame[frame.metric.str.startswith(RATIO) & (frame.verdict != "")]):
+        statistic = WORDS[row.metric.removeprefix(RATIO)]
+        between = f"{exact_number(row.low)} to {exact_number(row.high)}"
+        over = row.subject.replace(", drive=", " ")
+        cells = (row.scenario, row.profile, over, statistic, value_text(row), between)
+        lines.append([*cells, limit_text(row)])
+    return Part("bench frame: the reference over the fastest engine", JUDGED, lines, words=4)

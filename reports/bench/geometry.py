@@ -15,16 +15,17 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from rich.text import Text
 
-from touchstone.adapters.detectors import DETECTORS, UNCONVERGED, Pair
+from touchstone.adapters.detectors import DETECTORS, REFERENCE, UNCONVERGED, Pair
 from touchstone.adapters.detectors import load as load_detector
 from touchstone.adapters.detectors.children import Loader
 from touchstone.adapters.oracles.minkowski import signed_distance
-from touchstone.reports.bench.geometry_table import show
 from touchstone.reports.bench.poses import FAMILIES, hand_slide
+from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.reports.results import Row, rows_of, save, save_manifest, table
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
 from touchstone.reports.studies.narrow_phase.poses import corners, size_of
 from touchstone.reports.studies.narrow_phase.study import (
@@ -35,8 +36,55 @@ from touchstone.reports.studies.narrow_phase.study import (
     with_ratio,
 )
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.render import Part
 
-__all__ = ["Plan", "run", "show", "steps"]
+HEADS = ("family", "detector", "query", "net", "error", "over it", "95 % interval", "limit")
+NOTES = (
+    "query: median from Python [µs], shapes and poses prepared; net: less the cheapest call, of two spheres",
+    "error: the largest of the depth over max(depth, size / 1000), against the explicit Minkowski difference",
+    "over it: net time of the reference over the detector's, query by query",
+)
+
+
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One row per family and detector for each of the reference's, and the reference's certificates."""
+    rows = {(row.scenario, row.engine, row.metric, row.subject): row for row in rows_of(frame)}
+    timed = frame[frame.metric == "time.net"]
+    ratios = frame[frame.metric == "ratio.time"]
+    parts, certificates = [], []
+    for name in dict.fromkeys(ratios.engine):
+        lines: list[list[str | Text]] = []
+        for family in dict.fromkeys(timed.scenario):
+            lines.append([])
+            detectors = [
+                e for e in dict.fromkeys(timed.engine) if e == name or (family, name, "ratio.time", e) in rows
+            ]
+            for k, detector in enumerate(detectors):
+                ratio = rows.get((family, name, "ratio.time", detector))
+                cells = (*_times(rows, family, detector), value_text(ratio), interval_text(ratio))
+                lines.append(["" if k else family, detector, *cells, limit_text(ratio)])
+        parts.append(Part(f"bench geometry: {name} over other detectors", HEADS, lines, words=2))
+    for family, name in dict.fromkeys((row[0], row[1]) for row in rows if row[2] == "certificate.open"):
+        unsure, wrong = (
+            rows[family, name, metric, ""] for metric in ("certificate.open", "certificate.false")
+        )
+        share, count = (
+            f"{100 * unsure.value:.3g} % ({unsure.verdict})",
+            f"{wrong.value:.0f} ({wrong.verdict})",
+        )
+        source = "from the frame before" if name != REFERENCE else ""
+        line = f"{family}: {name}: {share} of the answers not proved {source}".rstrip()
+        line += f"; {count} proved and wrong"
+        certificates.append(line)
+    return [*parts, Part(lines=certificates), remarks(frame, NOTES)]
+
+
+def _times(rows: dict[tuple[str, str, str, str], Row], family: str, detector: str) -> list[str]:
+    query, net, error = (
+        rows.get((family, detector, metric, "")) for metric in ("time.query", "time.net", "depth.error.max")
+    )
+    return [value_text(query, MICRO), value_text(net, MICRO), value_text(error)]
+
 
 STUDY = "bench geometry"
 WARM = ("reference.walk", "coal.warm")

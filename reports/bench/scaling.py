@@ -9,24 +9,299 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from math import ceil, sqrt
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 
+from touchstone.adapters.contract import MISSING, Array, Settings
+from touchstone.adapters.detectors import DETECTORS, UNCONVERGED, Pair
 from touchstone.adapters.detectors import load as load_detector
 from touchstone.adapters.detectors.children import Loader as DetectorLoader
-from touchstone.adapters.registry import ENGINES, load
-from touchstone.adapters.workers.stepping import Loader
-from touchstone.reports.bench.curves import Curve, balls_at_rest, broad_phase, hull_vertices
-from touchstone.reports.bench.scaling_table import show
+from touchstone.adapters.engines.reference.box_cloud import Cloud
+from touchstone.adapters.recorder import undisturbed
+from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.workers.stepping import Loader, Stepper
+from touchstone.reports.bench.poses import hull_slide
+from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.bootstrap import exponent, median_interval
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, illustrate, save, save_manifest, table
+from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
+from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, measure
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.pictures import INK, MARKERS, detector_color, figure, panels
+from touchstone.reports.views.render import Part
+from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
+from touchstone.scenarios.solids import sphere_inertia
 
-__all__ = ["Plan", "run", "show", "steps"]
+BROAD_PHASE, BALLS, VERTICES = "broad phase", "balls at rest", "hull vertices"
+"""Names of the curves."""
+WARM_UP = 5
+"""Frames of each size that are discarded."""
+SPACING, RADIUS, MASS = 0.2, 0.05, 0.3
+"""Balls at rest: distance from centre to centre, radius [m] and mass [kg]."""
+
+
+@dataclass(slots=True)
+class Curve:
+    """Times [s] per repetition (r,) of one engine over sizes. `ended`: verdict and reason of an engine that
+    stopped; `remark`: on the times."""
+
+    scenario: str
+    unit: str
+    engine: str
+    profile: str
+    dt: float = float("nan")
+    sizes: list[int] = field(default_factory=list)
+    times: list[Array] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    ended: tuple[str, str] | None = None
+
+
+def broad_phase(sizes: Sequence[int], frames: int, progress: Progress) -> list[Curve]:
+    """The reference's broad phase in clouds of moving boxes of constant density."""
+    clouds = [Cloud(size, np.random.default_rng(size)) for size in sizes]
+    times = np.zeros((len(sizes), WARM_UP + frames))
+    for frame in range(WARM_UP + frames):
+        # One frame of each size in turn: other work evicts the processor's caches in between, as in a step.
+        for k, cloud in enumerate(clouds):
+            times[k, frame] = undisturbed(cloud.frame)
+        progress(BROAD_PHASE, 1)
+    remarks = [f"{2 * cloud.found / len(cloud.pieces):.1f} neighbours each" for cloud in clouds]
+    found = list(times[:, WARM_UP:])
+    return [
+        Curve(BROAD_PHASE, "pieces", "reference", "balanced", sizes=list(sizes), times=found, remarks=remarks)
+    ]
+
+
+def resting_balls(count: int) -> Scenario:
+    """Balls on one floor that do not touch each other."""
+    across = ceil(sqrt(count))
+    half = across * SPACING
+    floor = Body("floor", "fixed", "wood", (Piece("floor", Box((half, half, 0.1)), (0.0, 0.0, -0.1)),))
+    places = ((k % across - across / 2, k // across - across / 2) for k in range(count))
+    balls = tuple(
+        Body(
+            f"ball_{k}",
+            "simulated",
+            "wood",
+            (Piece("ball", Sphere(RADIUS)),),
+            mass=MASS,
+            inertia=sphere_inertia(MASS, RADIUS),
+            position=(SPACING * x, SPACING * y, RADIUS),
+        )
+        for k, (x, y) in enumerate(places)
+    )
+    wood = (PairCoefficients("wood", "wood", 0.3, 0.3),)
+    return Scenario(f"{count} balls", "balls at rest", (), (floor, *balls), 60.0, wood)
+
+
+def balls_at_rest(
+    sizes: Sequence[int],
+    further: Sequence[int],
+    turns: int,
+    frames: int,
+    output: Path,
+    progress: Progress,
+    loader: Loader = load,
+) -> list[Curve]:
+    """Times of whole frames of every engine in its first profile, interleaved; the reference also at
+    `further` sizes."""
+    curves, children = [], []
+    for engine, entry in ENGINES.items():
+        profile, dt = next(iter(entry.profiles.items()))
+        curve = Curve(BALLS, "balls", engine, profile, dt, list(sizes))
+        if engine == "reference":
+            curve.sizes += further
+        if installed(engine):
+            children.append((curve, Stepper(engine, output / f"{engine}.txt", loader)))
+        else:
+            curve.ended = (MISSING, missing_reason(engine))
+        curves.append(curve)
+    scenes = {size: resting_balls(size) for size in (*sizes, *further)}
+    try:
+        for _, child in children:
+            child.send("load")
+        for _, child in children:
+            child.receive()
+        for size, scene in scenes.items():
+            asked = [(curve, child) for curve, child in children if size in curve.sizes]
+            for curve, child in asked:
+                child.send("build", (scene, Settings(curve.profile, curve.dt), WARM_UP))
+            for curve, child in asked:
+                progress(f"{curve.engine}: build", 1)
+                child.receive()
+        for curve, _ in children:
+            curve.times = [np.zeros(0)] * len(curve.sizes)
+        for _ in range(turns):
+            for k, size in enumerate((*sizes, *further)):
+                for curve, child in children:
+                    if size in curve.sizes:
+                        progress(curve.engine, 1)
+                        seconds = child.ask("frames", (scenes[size].name, frames))
+                        curve.times[k] = np.append(curve.times[k], [] if seconds is None else seconds)
+        for curve, child in children:
+            curve.ended = child.failure
+    finally:
+        for _, child in children:
+            child.stop()
+    return curves
+
+
+def hull_vertices(
+    names: Sequence[str],
+    sizes: Sequence[int],
+    pairs: int,
+    frames: int,
+    turns: int,
+    output: Path,
+    progress: Progress,
+    loader: DetectorLoader = load_detector,
+) -> list[Curve]:
+    """Times of depth queries of touching hulls, over the frames of a motion, net of the crossing."""
+    rng = np.random.default_rng(0)
+    queries: list[Pair] = []
+    stretches = []
+    for size in sizes:
+        motion = [pair for frame in hull_slide(size, pairs, frames, rng) for pair in frame]
+        stretches.append(Stretch(len(queries), len(queries) + len(motion), pairs))
+        queries += motion
+    measured = measure(names, queries, stretches, turns, 1, output, progress, loader)
+    curves = []
+    for name, mine in measured.items():
+        curve = Curve(VERTICES, "vertices", name, DETECTORS[name].profile, sizes=list(sizes))
+        curve.ended = mine.ended
+        net = mine.net(np.full(len(queries), -1.0)) if mine.ended is None else mine.seconds
+        for stretch in stretches:
+            part = range(stretch.first, stretch.end)
+            curve.times.append(net[stretch.first : stretch.end])
+            open_ones = sum(k in mine.failures and mine.failures[k].kind == UNCONVERGED for k in part)
+            curve.remarks.append(f"{open_ones} of {len(part)} not converged" if open_ones else "")
+        curves.append(curve)
+    return curves
+
+
+NOTES = ("exponent: of the power law that fits the medians by least squares, with its 95 % interval",)
+
+
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One table per curve: times by size, and the exponent."""
+    parts = []
+    for scenario in dict.fromkeys(frame[frame.metric == "scaling.time"].scenario):
+        part = frame[frame.scenario == scenario]
+        sizes = list(dict.fromkeys(part[part.metric == "scaling.time"].subject))
+        numbers, units = zip(*(size.split() for size in sizes))
+        rows = []
+        for engine in dict.fromkeys(part[part.metric == "scaling.time"].engine):
+            mine = {(row.metric, row.subject): row for row in rows_of(part[part.engine == engine])}
+            power = mine.get(("scaling.exponent", ""))
+            cells = [value_text(mine.get(("scaling.time", size)), MICRO) for size in sizes]
+            rows.append([engine, *cells, value_text(power), interval_text(power), limit_text(power)])
+        heads = (units[0], *numbers, "exponent", "95 % interval", "limit")
+        parts.append(Part(f"bench scaling: {scenario}, median time [µs]", heads, rows))
+    unusual, lines = frame[(frame.metric == "scaling.time") & (frame.reason != "")], []
+    for (scenario, engine), part in unusual.groupby(["scenario", "engine"], sort=False):
+        reasons = ", ".join(f"{row.subject} {row.reason}" for row in rows_of(part))
+        lines.append(f"{scenario}: {engine}: {reasons}")
+    return [*parts, Part(lines=lines), remarks(frame, NOTES)]
+
+
+TITLES = {
+    BROAD_PHASE: ("Broad phase", "moving boxes in a cloud of constant density"),
+    BALLS: ("Whole frame", "balls at rest on a floor, each engine at its own step"),
+    VERTICES: ("Convex depth", "vertices per hull, one hull sliding past the other"),
+}
+"""Curve -> title and label of sizes."""
+LABEL_GAP = 0.055
+"""Least distance between two labels, as a share of the picture's height [1]."""
+
+
+def draw(frame: pd.DataFrame, path: Path) -> None:
+    """Draw one panel per curve. A marker is the median, a bar its 95 % interval."""
+    shown = [name for name in TITLES if (frame.scenario == name).any()]
+    with figure(path, 5.0 * len(shown), 4.6, font=10, dpi=160) as drawn:
+        grid = panels(drawn, len(shown), len(shown))
+        for axes, name in zip(grid, shown):
+            _panel(axes, frame[frame.scenario == name], *TITLES[name])
+        grid[0].set_ylabel("median time [µs], 95 % interval, fitted power law", color=INK)
+
+
+def _panel(axes: Axes, part: pd.DataFrame, title: str, sizes_label: str) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    labels = []
+    used: dict[str, int] = {}
+    for engine in dict.fromkeys(part[part.metric == "scaling.exponent"].engine):
+        mine = rows_of(part[part.engine == engine])
+        colour = detector_color(engine)
+        marker = MARKERS[used.setdefault(colour, 0) % len(MARKERS)]
+        used[colour] += 1
+        power = next(row for row in mine if row.metric == "scaling.exponent")
+        end = _line(axes, [row for row in mine if row.metric == "scaling.time"], power.value, colour, marker)
+        labels.append((end, rf"{engine} $\propto n^{{{power.value:.2f}}}$", colour))
+    _frame(axes, part)
+    _label(axes, labels)
+    axes.set_title(title, loc="left", color=INK, fontsize=12, fontweight="bold")
+    axes.set_xlabel(sizes_label, color=INK)
+
+
+def _line(axes: Axes, rows: list[Row], power: float, colour: str, marker: str) -> float:
+    """Draw one engine's times and their power law; returns the law's end [µs]."""
+    sizes = np.array([size_of(row) for row in rows])
+    times, low, high = (
+        1e6 * np.array([getattr(row, name) for row in rows]) for name in ("value", "low", "high")
+    )
+    axes.errorbar(
+        sizes, times, [times - low, high - times], fmt=marker, color=colour, markersize=6,
+        markeredgecolor="white", elinewidth=1.2, capsize=0, zorder=3,
+    )  # fmt: skip
+    middle = np.exp(np.mean(np.log(times) - power * np.log(sizes)))
+    ends = sizes[[0, -1]]
+    axes.plot(ends, middle * ends**power, color=colour, linewidth=1.3, alpha=0.65, zorder=2)
+    return float(middle * ends[1] ** power)
+
+
+def size_of(row: Row) -> float:
+    """The size that a time belongs to: "100 pieces" is 100."""
+    return float(row.subject.split()[0])
+
+
+def _frame(axes: Axes, part: pd.DataFrame) -> None:
+    sizes = sorted({size_of(row) for row in rows_of(part[part.metric == "scaling.time"])})
+    axes.set_xlim(sizes[0] / 1.3, sizes[-1] * 1.3)
+    axes.set_xticks(sizes)
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda size, _: f"{size:g}"))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda time, _: f"{time:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    axes.tick_params(colors=INK, length=3)
+    axes.tick_params(which="minor", length=1.5)
+    axes.grid(axis="y", color="#eeeeee", linewidth=0.8)
+    axes.set_axisbelow(True)
+
+
+def _label(axes: Axes, labels: list[tuple[float, str, str]]) -> None:
+    """Write names and exponents right of the lines' ends, moved apart where they would overlap."""
+    low, high = axes.get_ylim()
+    heights = [np.log(end / low) / np.log(high / low) for end, _, _ in labels]
+    placed: list[float] = []
+    for k in np.argsort(heights):
+        height = max(heights[k], placed[-1] + LABEL_GAP) if placed else heights[k]
+        placed.append(height)
+        _, text, colour = labels[k]
+        weight = "bold" if text.startswith("reference") else "normal"
+        axes.text(
+            1.01, height, text, transform=axes.transAxes, color=colour, fontweight=weight, va="center",
+            fontsize=9.5,
+        )  # fmt: skip
+
 
 STUDY = "bench scaling"
 SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-fcl.distance")
@@ -68,7 +343,6 @@ def run(
     detector_loader: DetectorLoader = load_detector,
 ) -> pd.DataFrame:
     """Measure all three; store rows, picture and manifest."""
-    from touchstone.reports.bench.scaling_picture import draw
 
     with output_folder(out) as folder:
         output = folder / "output"

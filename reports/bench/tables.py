@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pandas as pd
-from rich.console import Console
 from rich.text import Text
 
 from touchstone.reports.results import NOT_RUN, Row, rows_of
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
-from touchstone.reports.views.terminal import STYLES, print_notes
+from touchstone.reports.views.terminal import STYLES
 
 MICRO = 1e6
 
@@ -40,15 +42,13 @@ def limit_text(row: Row | None) -> Text:
     return Text(f"{row.verdict} {row.limit:g}", style=STYLES.get(row.verdict, ""))
 
 
-def print_remarks(frame: pd.DataFrame, out: Console, notes: tuple[str, ...]) -> None:
-    """Print notes, then every row that broke a limit, failed or was skipped, with its reason."""
-    print_notes(notes, out)
-    remarked = frame[frame.verdict.isin(["fail", "error", "known", *NOT_RUN])]
-    for row in rows_of(remarked):
+def remarks(frame: pd.DataFrame, notes: Sequence[str]) -> Part:
+    """Notes, then every row that broke a limit, failed or was skipped, with its reason."""
+    lines = []
+    for row in rows_of(frame[frame.verdict.isin(["fail", "error", "known", *NOT_RUN])]):
         name = " ".join(filter(None, (row.scenario, row.metric, row.subject))) if row.metric != "run" else ""
         value = (
             f" {exact_number(row.value)}, limit {exact_number(row.limit)}" if row.limit == row.limit else ""
         )
-        style = "red" if row.verdict in ("fail", "error") else ""
-        line = f"{row.verdict}: {row.engine}: {name}{value}: {row.reason}".replace(": :", ":")
-        out.print(line, highlight=False, style=style)
+        lines.append(f"{row.verdict}: {row.engine}: {name}{value}: {row.reason}".replace(": :", ":"))
+    return Part(notes=notes, lines=lines, wrap=True)

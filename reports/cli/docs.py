@@ -26,8 +26,7 @@ def docs(
     """Write the generated pages of the documentation: commands, lists, measurements, stills."""
     from touchstone.adapters.contract import AdapterError
     from touchstone.reports.docs.measurements import NoResults, page_of
-    from touchstone.reports.docs.reference import commands_page, list_pages
-    from touchstone.reports.docs.settings_pages import settings_pages
+    from touchstone.reports.docs.reference import commands_page, list_pages, settings_pages
     from touchstone.reports.results import write_beside
     from touchstone.scenarios.catalogue import tagged
 
@@ -40,7 +39,7 @@ def docs(
     folder = out / "generated"
     (folder / "pictures").mkdir(parents=True, exist_ok=True)
     if stills:
-        from touchstone.reports.docs.stills import draw
+        from touchstone.reports.docs.measurements import draw
 
         try:
             for name in draw(tagged(GALLERY), folder / "pictures"):
@@ -67,7 +66,7 @@ def docs(
 def _stored(run: Path, folder: Path) -> str:
     """Keep the intervals of a run of `bench frame`; what the stored runs of two days share, as a section."""
     from touchstone.reports.bench.repeatability import store, stored_lines
-    from touchstone.reports.compare.stored import table_of
+    from touchstone.reports.changes import table_of
     from touchstone.scenarios.files.safe_paths import json_of
 
     store(table_of(run), json_of(run / "manifest.json"), folder)

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.cheapest import cheapest
-from touchstone.reports.cli.check_engine import check_engine
+from touchstone.reports.cli.cheapest import cheapest, tune
 from touchstone.reports.cli.docs import docs
-from touchstone.reports.cli.doctor import doctor
+from touchstone.reports.cli.doctor import check_engine, doctor
 from touchstone.reports.cli.guard import guarded
-from touchstone.reports.cli.nights.nightly import accept, nightly
+from touchstone.reports.cli.nightly import accept, nightly
 from touchstone.reports.cli.options import (
     BAD_INPUT,
     Format,
@@ -40,14 +39,8 @@ from touchstone.reports.cli.options import (
     with_settings,
 )
 from touchstone.reports.cli.progress import Progress, stepping_aside
-from touchstone.reports.cli.runs.compare import compare
-from touchstone.reports.cli.runs.failings import failings
-from touchstone.reports.cli.runs.judge import judge
-from touchstone.reports.cli.runs.tolerances import tolerances
-from touchstone.reports.cli.runs.tuning import tune
+from touchstone.reports.cli.runs.stored import compare, failings, judge, tolerances, view
 from touchstone.reports.cli.runs.versions import versions
-from touchstone.reports.cli.runs.view import view
-from touchstone.reports.cli.scenes.check_robot import check_robot
 from touchstone.reports.cli.scenes.chosen import (
     AllowPathsOption,
     LimitsOption,
@@ -56,13 +49,11 @@ from touchstone.reports.cli.scenes.chosen import (
     scenarios_for,
     tracker_notes,
 )
-from touchstone.reports.cli.scenes.exporting import export
-from touchstone.reports.cli.scenes.importing import import_robot
+from touchstone.reports.cli.scenes.exporting import export, schema
 from touchstone.reports.cli.scenes.reproducing import reproduce
-from touchstone.reports.cli.scenes.schema import schema
-from touchstone.reports.cli.soak import soak
+from touchstone.reports.cli.scenes.robots import check_robot, import_robot
 from touchstone.reports.cli.studies import bench, reality, study
-from touchstone.reports.cli.sweep import sweep
+from touchstone.reports.cli.sweep import soak, sweep
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -174,7 +165,7 @@ def run(
     from touchstone.adapters.contract import DRIVES
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
-    from touchstone.reports.run.cost import TooLargeError, check_memory, limited
+    from touchstone.reports.run.request import TooLargeError, check_memory, limited
     from touchstone.reports.run.study import run as run_study
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
@@ -209,15 +200,18 @@ def run(
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
     if not printed(results.frame, output) and not quiet:
-        from touchstone.reports.views import first_screen
-        from touchstone.reports.views.terminal import console, show, show_budget, show_losses, show_published
+        from touchstone.reports.views.first_screen import first_screen
+        from touchstone.reports.views.losses import losses_part
+        from touchstone.reports.views.published import published_part
+        from touchstone.reports.views.render import console, print_parts
+        from touchstone.reports.views.terminal import budget_parts, report
 
         if in_full:
-            (show_losses if at_once else show)(results.frame, console())
-            show_budget(results.recordings, console())
+            parts = [losses_part(results.frame)] if at_once else report(results.frame)
+            parts += budget_parts(results.recordings)
         else:
-            first_screen.show(results.frame, console(), request.out)
-        show_published(results.frame, request.scenarios, console())
+            parts = first_screen(results.frame, request.out)
+        print_parts([*parts, published_part(results.frame, request.scenarios)], console())
         print(f"results: {request.out}")
     if quiet:
         tell_failures(results.frame, bool(engine))
@@ -235,14 +229,15 @@ def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[
 
     Results come first: if standard output is closed or full, `broken` gets the error and no more is printed.
     """
-    from touchstone.reports.views.terminal import console, show_scene
+    from touchstone.reports.views.render import console, print_parts
+    from touchstone.reports.views.terminal import scene_parts
 
     def show(frame: pd.DataFrame) -> None:
         if broken:
             return
         try:
             with stepping_aside(progress):
-                show_scene(frame, console())
+                print_parts(scene_parts(frame), console())
                 sys.stdout.flush()
         except (OSError, SystemExit) as error:  # rich turns a closed pipe into an exit
             broken.append(error)

@@ -17,9 +17,9 @@ from touchstone.reports.names import checked
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rich.console import Console
 
     from touchstone.reports.cli.progress import Progress
+    from touchstone.reports.views.render import Part
 
 LIMIT_BROKEN, BAD_INPUT, ENGINE_MISSING, NOT_JUDGED, ENGINE_FAILED = 1, 2, 3, 4, 5
 INTERNAL_ERROR, INTERRUPTED, CLOSED_OUTPUT = 70, 130, 141
@@ -298,7 +298,7 @@ def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[P
     """Progress over a total of steps; an input that a study refuses, a disk error, or a study that would take
     longer than STUDY_LONGEST without `--yes`, exits with one line."""
     from touchstone.reports.output_folder import OutputError
-    from touchstone.reports.run.cost import STUDY_LONGEST, TooLargeError, limited
+    from touchstone.reports.run.request import STUDY_LONGEST, TooLargeError, limited
 
     refused: tuple[type[Exception], ...] = (OutputError, TooLargeError, *refusals)
     try:
@@ -310,7 +310,7 @@ def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[P
 
 def ended(
     frame: pd.DataFrame,
-    show: Callable[[pd.DataFrame, Console], None],
+    report: Callable[[pd.DataFrame], list[Part]],
     folder: Path,
     output: Format,
     quiet: bool,
@@ -318,9 +318,9 @@ def ended(
 ) -> None:
     """Print the measurements, and exit with the code of their verdicts (`exit_for`)."""
     if not printed(frame, output) and not quiet:
-        from touchstone.reports.views.terminal import console
+        from touchstone.reports.views.render import console, print_parts
 
-        show(frame, console())
+        print_parts(report(frame), console())
         print(f"results: {folder}")
     if quiet:
         tell_failures(frame, by_name)

@@ -32,9 +32,9 @@ from touchstone.reports.cli.options import (
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rich.console import Console
 
     from touchstone.reports.cli.progress import Progress
+    from touchstone.reports.views.render import Part
     from touchstone.scenarios.files.pair_file import GivenPair
     from touchstone.scenarios.scenario import Scenario
 
@@ -53,13 +53,13 @@ class StudyRequest:
     Attributes:
         steps: number of progress steps of `run`.
         run: measures into a new folder; returns the long table.
-        show: prints the long table.
+        report: the long table as a report.
         store: folder of cells that are kept, if the study has one.
     """
 
     steps: int
     run: Callable[[Path, Progress], pd.DataFrame]
-    show: Callable[[pd.DataFrame, Console], None]
+    report: Callable[[pd.DataFrame], list[Part]]
     store: Path | None = None
 
 
@@ -92,7 +92,7 @@ def studied(
             kept = nullcontext() if asked.store is None else resumable(asked.store)
             with kept, measuring(asked.steps, quiet, RefusedError, StoreError) as progress:
                 frame = asked.run(folder, progress)
-            ended(frame, asked.show, folder, output, quiet, by_name=bool(own.get("engine")))
+            ended(frame, asked.report, folder, output, quiet, by_name=bool(own.get("engine")))
 
         out = Annotated[Path | None, typer.Option(help=f"Folder (default: runs/{name}-<time>).")]
         shared: dict[str, tuple[Any, Any]] = {"out": (out, None), "output": (FormatOption, Format.table)}
@@ -136,10 +136,10 @@ def narrow_phase(
     if not re.fullmatch(r"[+-]?[0-9]+", pairs):
         given = _pairs_of(Path(pairs))
         run = partial(module.run_given, given)
-        return StudyRequest(len(given) * len(DETECTORS), run, module.show)
+        return StudyRequest(len(given) * len(DETECTORS), run, module.report)
     if (count := int(pairs)) > MOST:
         stop(f"--pairs {pairs}: expected at most {MOST}", BAD_INPUT)
-    return StudyRequest(count * len(DETECTORS), partial(module.run, count, seed), module.show)
+    return StudyRequest(count * len(DETECTORS), partial(module.run, count, seed), module.report)
 
 
 def _pairs_of(path: Path) -> list[GivenPair]:
@@ -163,7 +163,7 @@ def inverse_kinematics(
     """Solve inverse kinematics of an arm from near and from rest, beside a loop on pinocchio."""
     from touchstone.reports.studies import inverse_kinematics as module
 
-    return StudyRequest(module.steps(goals), partial(module.run, goals, seed), module.show)
+    return StudyRequest(module.steps(goals), partial(module.run, goals, seed), module.report)
 
 
 @studied("calibration")
@@ -176,7 +176,7 @@ def calibration(
 
     columns = columns_for(engine or [], profile or [])
     return StudyRequest(
-        len(module.tasks(columns, module.Requested())), partial(module.run, columns), module.show
+        len(module.tasks(columns, module.Requested())), partial(module.run, columns), module.report
     )
 
 
@@ -190,7 +190,7 @@ def agreement(
     from touchstone.reports.studies import agreement as module
 
     chosen = scenes_named(scenario or module.SCENES)
-    return StudyRequest(module.steps(chosen), partial(module.run, chosen), module.show)
+    return StudyRequest(module.steps(chosen), partial(module.run, chosen), module.report)
 
 
 @studied("convergence")
@@ -209,7 +209,7 @@ def convergence(
 
     names = [scene.name for scene in scenes_named(scenario or module.scenes())]
     cells = module.cells(names, engines_named(engine or ENGINES))
-    return StudyRequest(len(cells), partial(module.run, cells, store, jobs=jobs), module.show, store)
+    return StudyRequest(len(cells), partial(module.run, cells, store, jobs=jobs), module.report, store)
 
 
 @studied("ablation", judge=True)
@@ -226,7 +226,7 @@ def ablation(
 
     profile = known("profile", profile, ENGINES["reference"].profiles)
     asked = module.variations(name or (), profile, scenes)
-    return StudyRequest(len(asked), partial(module.run, asked), module.show)
+    return StudyRequest(len(asked), partial(module.run, asked), module.report)
 
 
 @studied("effects")
@@ -241,7 +241,7 @@ def effects(
     from touchstone.reports.studies import effects as module
 
     chosen, engines = scenes_named(scenario or ()) or module.scenes(), engines_named(engine or ENGINES)
-    return StudyRequest(len(chosen) * len(engines), partial(module.run, chosen, engines), module.show)
+    return StudyRequest(len(chosen) * len(engines), partial(module.run, chosen, engines), module.report)
 
 
 @studied("predictability", judge=True)
@@ -253,7 +253,7 @@ def predictability(
     from touchstone.reports.studies import predictability as module
 
     chosen = scenes_named(scenario or module.SCENES)
-    return StudyRequest(module.steps(chosen), partial(module.run, chosen, seed), module.show)
+    return StudyRequest(module.steps(chosen), partial(module.run, chosen, seed), module.report)
 
 
 @studied("robustness", judge=True)
@@ -272,7 +272,7 @@ def robustness(
     columns = columns_for(engine or ["reference"], profile or [], module.PROFILES)
     chosen = known("kind", kind, ALL_KINDS) if kind else None
     asked = module.tasks(columns, scenes, seed, chosen, perturbation)
-    return StudyRequest(len(asked), partial(module.run, columns, asked), module.show)
+    return StudyRequest(len(asked), partial(module.run, columns, asked), module.report)
 
 
 @studied("paper", judge=True)
@@ -282,7 +282,7 @@ def paper(
     """Replay the experiments of the paper on the profile `paper`, and judge its claims one by one."""
     from touchstone.reports.studies.paper import study as module
 
-    return StudyRequest(module.steps(repeats), partial(module.run, repeats), module.show)
+    return StudyRequest(module.steps(repeats), partial(module.run, repeats), module.report)
 
 
 @studied("work-precision", judge=True)
@@ -303,7 +303,7 @@ def work_precision(
     names = [scene.name for scene in scenes_named(scenario or scenes(quick))]
     engines = engines_named(engine or ENGINES)
     cells = module.StudyCells(names, engines, quick)
-    return StudyRequest(cells.size, partial(module.run, cells, store, jobs=jobs), module.show, store)
+    return StudyRequest(cells.size, partial(module.run, cells, store, jobs=jobs), module.report, store)
 
 
 @studied("stability", judge=True)
@@ -335,7 +335,7 @@ def stability(
     columns = columns_for(engine or [], profile or [], play.QUICK if quick else play.PROFILES)
     scope = play.Scope(columns, play.chosen(names), quick)
     run = partial(module.run, scope, store, jobs=jobs, sheet=sheet, seed=seed)
-    return StudyRequest(len(scope.cells()) + sheet, run, module.show, store)
+    return StudyRequest(len(scope.cells()) + sheet, run, module.report, store)
 
 
 @studied("relations")
@@ -357,7 +357,9 @@ def relations(
     scenes = [find(name if name in valid else known("scenario", name, catalogue())) for name in names]
     scenes = scenes or module.default_scenes()
     columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
-    return StudyRequest(len(module.tasks(columns, scenes)), partial(module.run, columns, scenes), module.show)
+    return StudyRequest(
+        len(module.tasks(columns, scenes)), partial(module.run, columns, scenes), module.report
+    )
 
 
 @studied("gradients")
@@ -374,7 +376,7 @@ def gradients(
     columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
     if not profile and module.JUDGED[0] in dict(columns):
         columns = (columns[0], module.JUDGED[:2], *columns[1:])
-    return StudyRequest(len(module.tasks(columns)), partial(module.run, columns), module.show)
+    return StudyRequest(len(module.tasks(columns)), partial(module.run, columns), module.report)
 
 
 @studied("tosses", group=reality)
@@ -394,7 +396,7 @@ def tosses(
     box, found = read(folder)
     chosen = [found[k * len(found) // min(most, len(found))] for k in range(min(most, len(found)))]
     run = partial(module.run, columns, box, chosen)
-    return StudyRequest(len(module.tasks(columns)) + 1, run, module.show)
+    return StudyRequest(len(module.tasks(columns)) + 1, run, module.report)
 
 
 def bench(
@@ -425,4 +427,4 @@ def bench(
         played = scenes_named(scenario or ()) or bench_frame.scenes()
         with measuring(bench_frame.steps(played, restarts), quiet) as progress:
             found = bench_frame.run(folder, progress, played, restarts, seed)
-    ended(found, chosen.show, folder, output, quiet)
+    ended(found, chosen.report, folder, output, quiet)

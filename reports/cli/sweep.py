@@ -1,4 +1,4 @@
-"""`touchstone sweep`: a grid of cells, measured in parallel and kept in a store."""
+"""`touchstone sweep` and `touchstone soak`."""
 
 from __future__ import annotations
 
@@ -12,15 +12,18 @@ import typer
 
 from touchstone.reports.cli.options import (
     BAD_INPUT,
+    LIMIT_BROKEN,
     Format,
     FormatOption,
     QuietOption,
     YesOption,
     columns_for,
     exit_for,
+    folder_of_now,
     known,
     measuring,
     printed,
+    require_judge,
     require_new,
     resumable,
     step_of,
@@ -31,6 +34,7 @@ from touchstone.reports.cli.options import (
 
 if TYPE_CHECKING:
     from touchstone.scenarios.scenario import Scenario
+
 
 DEFAULT_STORE = Path("runs/sweep")
 
@@ -69,8 +73,7 @@ def sweep(
     from touchstone.adapters.knobs import SettingError
     from touchstone.reports.run.request import DEFAULT_PROFILES
     from touchstone.reports.sweep.cells import grid
-    from touchstone.reports.sweep.dask_pool import ClusterError, DaskPool
-    from touchstone.reports.sweep.slurm import PartError, part_of
+    from touchstone.reports.sweep.clusters import ClusterError, DaskPool, PartError, part_of
     from touchstone.reports.sweep.store import StoreError
     from touchstone.reports.sweep.sweep import sweep as run_sweep
     from touchstone.reports.sweep.sweep import sweep_timed
@@ -104,10 +107,10 @@ def sweep(
         else:
             frame = run_sweep(cells, out, jobs=jobs, executor=executor, progress=progress)
     if not printed(frame, output) and not quiet:
-        from touchstone.reports.sweep.table import show
-        from touchstone.reports.views.terminal import console
+        from touchstone.reports.sweep.table import report
+        from touchstone.reports.views.render import console, print_parts
 
-        show(frame, console())
+        print_parts(report(frame), console())
         print(f"store: {out}")
     runs = frame[frame.metric == "run"]
     if quiet:
@@ -117,7 +120,7 @@ def sweep(
 
 def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:
     """Write the array job of this command; its store is named by its absolute path."""
-    from touchstone.reports.sweep.slurm import script
+    from touchstone.reports.sweep.clusters import script
 
     arguments = without(sys.argv[2:], "--slurm-script", "--out", "--part", "--jobs")
     text = script([*arguments, "--out", str(out.resolve())], cells)
@@ -171,3 +174,42 @@ def steps_for(text: str, scenarios: list[Scenario]) -> list[float]:
             stop(f"--dt {' '.join(part.split())}: {error}", BAD_INPUT)
         found.append(step)
     return list(dict.fromkeys(found))
+
+
+MOST_MINUTES = 100_000.0
+"""Longest soak [min]: seventy days."""
+
+
+def soak(
+    minutes: Annotated[
+        float, typer.Option(min=0.0, max=MOST_MINUTES, help="Time after which no scene is started.")
+    ] = 10.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first random scene.")] = 0,
+    profile: Annotated[str, typer.Option(help="Profile of the reference.")] = "balanced",
+    out: Annotated[Path | None, typer.Option(help="Folder of failures (default: runs/soak-<time>).")] = None,
+    output: FormatOption = Format.table,
+    yes: YesOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Play random scenes on the reference for as long as asked; shrink each failure to its smallest scene."""
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.soak.soak import Extent
+    from touchstone.reports.soak.soak import soak as run
+
+    known("profile", profile, ENGINES["reference"].profiles)
+    folder = out or folder_of_now("soak-")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        stop(f"--out {folder}: exists and is not an empty folder", BAD_INPUT)
+    require_judge()
+    said = print if output is Format.table else lambda line: print(line, file=sys.stderr)
+    found = run(Extent(minutes, seed), profile, folder, said)
+    counts = {"seed": seed, "scenes": found.scenes, "frames": found.frames, "broken": len(found.failures)}
+    if output is not Format.table:
+        show_rows([counts | {f"outcome {name}": count for name, count in found.classes.items()}], output)
+    elif not quiet:
+        classes = ", ".join(f"{count} {name}" for name, count in found.classes.most_common())
+        print(f"{found.scenes} scenes from seed {seed}, {found.frames} frames: {classes}")
+        print(f"broken invariants: {len(found.failures)}" + (f", in {folder}" if found.failures else ""))
+    if found.failures:
+        raise typer.Exit(LIMIT_BROKEN)

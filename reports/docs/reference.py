@@ -1,12 +1,39 @@
-"""Pages that follow from the code alone: commands, scenes, metrics, profiles, settings."""
+"""Pages that follow from the code alone: commands, scenes, metrics, profiles, settings.
+
+A page per engine of all its settings: values, their source, the lines to paste, and who reviewed them.
+
+Lines are what the adapter sets in the scene SCENE with the setting, without what it sets without it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import csv
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.knobs import Setting, SettingError, split
+from touchstone.adapters.registry import ENGINES, installed, settings_of
+from touchstone.adapters.scripts.process import settings_lines
 from touchstone.reports.cli.listing import metric_rows, profile_rows, scenario_rows, setting_rows
-from touchstone.reports.docs.markdown_table import NOTICE, table_text
+from touchstone.reports.studies.tuning import values_of
+from touchstone.scenarios.catalogue import catalogue
+
+NOTICE = "<!-- written by `touchstone docs`; do not edit -->"
+
+
+def table_text(rows: Sequence[Mapping[str, object]], code: Sequence[str] = ()) -> str:
+    """A table in Markdown; columns `code` are set as code."""
+    heads = list(rows[0])
+    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
+    for row in rows:
+        cells = [f"{row[head]}".replace("|", "\\|") for head in heads]
+        cells = [f"`{cell}`" if head in code and cell else cell for head, cell in zip(heads, cells)]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
 def commands_page(command: Any) -> str:
@@ -47,3 +74,138 @@ def _scenes(pictures: Mapping[str, str]) -> str:
         "## All scenes",
         table_text(list(rows.values()), code=("scenario",)),
     )
+
+
+SCENE = "slip"
+"""Scene whose lines are shown: balls on a table, with friction."""
+REVIEWS = Path(__file__).with_name("reviews.csv")
+MANUALS = {
+    "mujoco": "<https://mujoco.readthedocs.io/en/stable/XMLreference.html>",
+    "bullet": "the quickstart guide of pybullet, <https://pybullet.org>",
+    "dart": "<https://dartsim.github.io>",
+    "drake": "<https://drake.mit.edu>, MultibodyPlant and SceneGraphConfig",
+}
+"""Where an engine documents its settings."""
+SHOWN = 80
+"""Characters of a line that a table shows."""
+
+
+def settings_pages() -> dict[str, str]:
+    """Pages by file name, of the engines that are installed and say their settings in their own API."""
+    return {
+        f"{name}.md": _settings_page(name)
+        for name, entry in ENGINES.items()
+        if entry.script and installed(name)
+    }
+
+
+def _settings_page(engine: str) -> str:
+    table, entry = settings_of(engine), ENGINES[engine]
+    pasted, reviews = _pasted(engine), _reviews()
+    rows = []
+    for name, setting in table.items():
+        review = reviews.get((engine, name), {})
+        text, lines = pasted.get(name, ("", []))
+        rows.append(
+            {
+                "setting": f"`{name}`",
+                "values": f"`{setting.valid}`",
+                **{profile: _value(setting, profile, engine) for profile in ("default", "recommended")},
+                "meaning": setting.summary,
+                "to paste": f"{text}: " * bool(lines) + "<br>".join(f"`{line}`" for line in lines),
+                "reviewed by": " ".join(review.get(key, "") for key in ("by", "date", "link")).strip(),
+            }
+        )
+    steps = ", ".join(f"`{profile}` {1 / dt:.0f} Hz" for profile, dt in entry.profiles.items())
+    parts = [
+        NOTICE,
+        f"# Settings of {engine}",
+        f"Source of names and meanings: {MANUALS.get(engine, 'the engine')}; `touchstone run --set "
+        f"{engine}.KEY=VALUE` plays them. Native steps of the profiles: {steps}. Lines to paste are what "
+        f"the adapter sets in the scene `{SCENE}` for the value before them; `touchstone reproduce` writes "
+        f"them too, and `touchstone tune SCENE --engine {engine} --position 1mm` searches values.",
+        "A review is a line in `reports/docs/reviews.csv`, by a pull request of whoever knows the engine.",
+        table_text(rows),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _value(setting: Setting, profile: str, engine: str) -> str:
+    """Value of a setting in a profile."""
+    table = settings_of(engine)
+    return f"`{setting.profiles[table.column(profile)]}`".replace("``", "by scene or step")
+
+
+def _pasted(engine: str) -> dict[str, tuple[str, list[str]]]:
+    """Setting -> one of its values, and the lines that set it."""
+    scenario, entry = catalogue()[SCENE], ENGINES[engine]
+    asked = list(_changes(engine))
+    plain = {name: Settings(name, dt) for name, dt in entry.profiles.items()}
+    changed = [Settings(profile, entry.profiles[profile], (text,)) for profile, text in asked]
+    lines = settings_lines(scenario, engine, [*plain.values(), *changed])
+    base = dict(zip(plain, lines))
+    found: dict[str, tuple[str, list[str]]] = {}
+    for (profile, text), mine in zip(asked, lines[len(plain) :]):
+        name, value = split(text)
+        new = difference(base[profile], mine) if mine else []
+        if new and name not in found:
+            found[name] = (
+                f"`{value}`",
+                [line if len(line) <= SHOWN else f"{line[:SHOWN]}..." for line in new],
+            )
+    return found
+
+
+def _changes(engine: str) -> Iterator[tuple[str, str]]:
+    """Profiles and changes that may show what a setting does, the first profile first."""
+    table = settings_of(engine)
+    for profile in ENGINES[engine].profiles:
+        for setting in table.values():
+            for text in values_of(setting):
+                try:
+                    if table.changes(profile, (text,)):
+                        yield profile, text
+                        break
+                except SettingError:
+                    break
+
+
+def difference(before: list[str], after: list[str]) -> list[str]:
+    """Lines of `after` that are not in `before`, with the attributes and arguments that differ."""
+    if any(line.startswith("<") for line in after):
+        return _elements(before, after)
+    joined = (re.sub(r"\n +", " ", "\n".join(lines)).splitlines() for lines in (before, after))
+    old, new = joined
+    known = {item for line in old for item in _arguments(line)}
+    found = []
+    for line in new:
+        if line in old:
+            continue
+        head, bracket, _ = line.partition("(")
+        items = [item for item in _arguments(line) if item not in known]
+        found.append(
+            f"{head}({', '.join(items)})" if bracket and "=" in line[len(head) :] and items else line
+        )
+    return found
+
+
+def _arguments(line: str) -> list[str]:
+    """Named arguments of a call."""
+    return re.findall(r"\w+=[^,()]+(?=[,)])", line)
+
+
+def _elements(before: list[str], after: list[str]) -> list[str]:
+    """Elements of MJCF with the attributes that differ."""
+    old, new = (ET.fromstring(f"<all>{''.join(lines)}</all>") for lines in (before, after))
+    known = {(one.tag, key, value) for one in old.iter() for key, value in one.attrib.items()}
+    found = []
+    for one in new.iter():
+        own = [f'{key}="{value}"' for key, value in one.attrib.items() if (one.tag, key, value) not in known]
+        if own:
+            found.append(f"<{one.tag} {' '.join(own)}/>")
+    return found
+
+
+def _reviews() -> dict[tuple[str, str], dict[str, str]]:
+    with open(REVIEWS, newline="", encoding="utf-8") as file:
+        return {(row["engine"], row["setting"]): row for row in csv.DictReader(file)}

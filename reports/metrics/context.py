@@ -66,9 +66,11 @@ def judging() -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A row of the METRICS table. `shown` is the unit in tables, and how many of it make one `unit`."""
+    """A row of the METRICS table. `label` is its name for readers of pages;
+    `shown` is the unit in tables, and how many of it make one `unit`."""
 
     name: str
+    label: str
     unit: str
     better: Literal["lower", "higher", "none"]
     measure: Callable[[Context], Values]

@@ -1,13 +1,15 @@
-"""Metrics of the quantities that a solver reports as unresolved, 0 if none. Only the reference reports
-them."""
+"""What a run reports of itself: counters of its solver, its times, and the hash of its states."""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from touchstone.adapters.contract import RESIDUAL_COUNTERS, Array
+from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 
 RESIDUAL, BODY_A, BODY_B = RESIDUAL_COUNTERS
@@ -91,3 +93,85 @@ def _per_frame(context: Context, *counters: str) -> Array:
     if not set(counters) <= set(names):
         raise NotMeasured("the engine does not report what its solver leaves unresolved")
     return np.asarray(r.work[:, [names.index(name) for name in counters]].sum(axis=1))
+
+
+STATISTICS: dict[str, tuple[str, float]] = {
+    "median": ("Median", 50),
+    "p95": ("95th percentile", 95),
+    "p99": ("99th percentile", 99),
+    "max": ("Maximum", 100),
+}
+
+
+def _percentile(seconds: Array, share: float) -> Values:
+    """A percentile of times; raises NotMeasured where no engine was timed."""
+    if not len(seconds):
+        raise NotMeasured("no frame was timed")
+    return {"": float(np.percentile(seconds, share))}
+
+
+def time_frame(statistic: str) -> Callable[[Context], Values]:
+    """The metric of one statistic of the wall time per displayed frame."""
+    name, percentile = STATISTICS[statistic]
+
+    def measure(context: Context) -> Values:
+        return _percentile(context.recording.time_frame, percentile)
+
+    measure.__doc__ = f"{name} over the frames of the native step calls of a displayed frame [s]."
+    return measure
+
+
+def time_drive(context: Context) -> Values:
+    """Median time per displayed frame to set commands from Python [s]; the reference's frame includes it."""
+    return _percentile(context.recording.time_drive, 50)
+
+
+def time_read(context: Context) -> Values:
+    """Median time per displayed frame to read the state out [s]; in no other figure."""
+    return _percentile(context.recording.time_read, 50)
+
+
+def time_crossing(context: Context) -> Values:
+    """Median time of an empty call into the engine [s]."""
+    return _percentile(context.recording.time_crossing, 50)
+
+
+def time_share(context: Context) -> Values:
+    """Share of each stage in the time of all stages that the engine reports [1]."""
+    r = context.recording
+    total = r.stage_seconds.sum()
+    if not len(r.stage_names) or total == 0:
+        raise NotMeasured("the engine tells no stages")
+    return {str(name): float(r.stage_seconds[:, k].sum() / total) for k, name in enumerate(r.stage_names)}
+
+
+def work(context: Context) -> Values:
+    """Mean per displayed frame of each counter of the engine [1]."""
+    r = context.recording
+    if not r.work.size:
+        raise NotMeasured("the engine counts nothing")
+    counted = [(k, str(name)) for k, name in enumerate(r.work_names) if name not in UNRESOLVED]
+    return {name: float(r.work[:, k].mean()) for k, name in counted}
+
+
+STATES = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
+"""Fields of a recording that are hashed, in this order."""
+DIGITS = 13
+"""Hexadecimal digits that a float holds exactly."""
+
+
+def state_hash(recording: Recording) -> str:
+    """Hash of all states of all frames (16 hexadecimal digits): equal exactly where all bits are.
+
+    It depends neither on times nor on what an engine counted. -0.0 and 0.0 differ.
+    """
+    found = hashlib.sha256()
+    for name in STATES:
+        found.update(np.ascontiguousarray(getattr(recording, name), dtype="<f8").tobytes())
+    return found.hexdigest()[:16]
+
+
+def state_hashed(context: Context) -> Values:
+    """Hash of all states of all frames, as a number; its digits are the remark [1]."""
+    digits = state_hash(context.recording)
+    return {"": Value(float(int(digits[:DIGITS], 16)), digits)}

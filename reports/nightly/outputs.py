@@ -14,12 +14,13 @@ from touchstone.reports.nightly.night import Measured
 from touchstone.reports.nightly.store import Night
 from touchstone.reports.nightly.verdict import CHANGE, GONE, ORDER, REGRESSION, WARNING, Finding, ordered
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import Change, Content
+from touchstone.reports.page.html import Change, Content
 from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE, STUDY
 from touchstone.reports.views.matrix import BAD, GOOD, WARN, plural, verdict_of
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue
 
@@ -103,19 +104,19 @@ def history_charts(history: pd.DataFrame, nights: Mapping[int, Night]) -> dict[s
     return drawn
 
 
-def history_table(history: pd.DataFrame, nights: Mapping[int, Night]) -> list[list[str]]:
-    """Times of nights that are too few for a chart, and the change of the last one: heads, then lines."""
+def history_table(history: pd.DataFrame, nights: Mapping[int, Night]) -> Part:
+    """Times of nights that are too few for a chart, and the change of the last one."""
     numbers = sorted(set(history.sequence))
     if not 2 <= len(numbers) <= FEW_NIGHTS:
-        return []
+        return Part()
     dates = [str(nights[int(k)].identity["started"])[:16].replace("T", " ") for k in numbers]
-    lines = [["scene", "engine", *(f"{date} [µs]" for date in dates), "last over first"]]
+    heads, lines = ["scene", "engine", *(f"{date} [µs]" for date in dates), "last over first"], []
     for (scene, engine), part in _own_times(history).groupby(["scenario", "engine"]):
         values = part.set_index("sequence").value.reindex(numbers)
         ratio = values.iloc[-1] / values.iloc[0]
         line = [exact_number(1e6 * value) for value in values]
         lines.append([str(scene), str(engine), *line, exact_number(ratio)])
-    return lines
+    return Part("", heads, lines, words=2)
 
 
 def write_page(
@@ -124,7 +125,7 @@ def write_page(
     level: str,
     verdict: str,
     findings: Sequence[Finding],
-    history: tuple[Mapping[str, str], Sequence[Sequence[str]]],
+    history: tuple[Mapping[str, str], Part],
 ) -> None:
     """Write `report.html`; `history` has the charts and the table of times."""
     facts = measured.identity

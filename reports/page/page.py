@@ -11,11 +11,10 @@ from html import escape
 from importlib.resources import files
 from string import Template
 
-from touchstone.reports.page import charts, findings, matrix, sections
-from touchstone.reports.page.content import Content, rows_by_scene
-from touchstone.reports.page.html import fold
+from touchstone.reports.page import charts, matrix, sections
+from touchstone.reports.page.html import Content, fold, rows_by_scene
 from touchstone.reports.page.playback import ALARM
-from touchstone.reports.page.studies import studies_part
+from touchstone.reports.page.sections import studies_part
 from touchstone.reports.results import rows_of
 from touchstone.reports.views.matrix import SCALE
 from touchstone.reports.views.tables import LEGEND
@@ -58,8 +57,8 @@ def page(content: Content) -> str:
         sections.charts_part(content),
         sections.nights_part(content),
         fold("Hard cases and studies", studies, "studies") if studies else "",
-        findings.known_part(every, scenes),
-        fold("Where the reference loses", sections.reference_loses(scenes, columns), "loses"),
+        matrix.known_part(every, scenes),
+        fold("Where the reference loses", sections.reference_loses(content.frame, scenes), "loses"),
         sections.scene_parts(content, scenes),
         fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
         fold("Machine, program and command", sections.identity_part(content), "identity"),
@@ -71,8 +70,8 @@ def page(content: Content) -> str:
         title=escape(content.title),
         level=content.level,
         verdict=escape(content.verdict),
-        changes=findings.changes_part(content.changes, scenes),
-        broken=findings.broken_part(every, scenes),
+        changes=matrix.changes_part(content.changes, scenes),
+        broken=matrix.broken_part(every, scenes),
         scale=escape(SCALE),
         legend="".join(f"<p>{escape(line)}</p>" for line in LEGEND.splitlines()),
         matrix=table,

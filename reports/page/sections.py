@@ -2,20 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
 
-from touchstone.reports.metrics.labels import label
+import pandas as pd
+
+from touchstone.reports.metrics import label
 from touchstone.reports.page import charts
-from touchstone.reports.page.content import Content
-from touchstone.reports.page.findings import metric_part, remarks, scene_part, valued
-from touchstone.reports.page.html import Cell, figure, fold, plain_table
-from touchstone.reports.results import NOT_RUN, Row
+from touchstone.reports.page.html import Cell, Content, figure, fold, long_table, part_body, plain_table
+from touchstone.reports.page.matrix import SHOWN, metric_part, remarks, scene_part, valued
+from touchstone.reports.results import NOT_RUN, Row, rows_of
 from touchstone.reports.run.farthest_apart import headlines
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.run.request import REFERENCE
-from touchstone.reports.views.published import TITLE as PUBLISHED
-from touchstone.reports.views.tables import MARKS, Column, grid
+from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
+from touchstone.reports.views.losses import losses
+from touchstone.reports.views.tables import MARKS, exact_number, grid
+
+HARD = "stability"
+REMARKS = ("fail", "error", "known", "unjudged")
+"""Verdicts of rows that are listed."""
+MOST = 60
+"""Rows of a study that are listed."""
+
+
+def studies_part(frame: pd.DataFrame) -> str:
+    """All studies of the long table `frame`, as HTML."""
+    parts = []
+    for study in dict.fromkeys(frame.study):
+        rows = rows_of(frame[frame.study == study])
+        title, body = ("hard cases", _hard(rows)) if study == HARD else (str(study), _counts(rows))
+        parts.append(f"<h3>{escape(title)}</h3>{body}")
+    return "".join(parts)
+
+
+def _hard(rows: list[Row]) -> str:
+    columns = list(dict.fromkeys((row.engine, row.profile) for row in rows))
+    found = {(row.scenario, row.engine, row.profile): row for row in rows}
+    survived = sum(row.reason.partition(":")[0] in SURVIVED for row in rows)
+    lines = []
+    for scene in dict.fromkeys(row.scenario for row in rows):
+        cells = [found.get((scene, *column)) for column in columns]
+        lines.append([scene, *(_class(cell) for cell in cells)])
+    seen = {_class(row) for row in rows}
+    words = "; ".join(f"{name}: {text}" for name, text in CLASSES.items() if name in seen)
+    return (
+        f"<p>{survived} of {len(rows)} hard cases survived. <code>touchstone run SCENE --engine NAME</code> "
+        f"plays one.</p>{plain_table(('case', *(' '.join(one) for one in columns)), lines, len(columns) + 1)}"
+        f"<p>{escape(words)}</p>"
+    )
+
+
+def _class(row: Row | None) -> str:
+    return "-" if row is None else row.reason.partition(":")[0]
+
+
+def _counts(rows: list[Row]) -> str:
+    judged = [row for row in rows if row.verdict]
+    remarks = [row for row in judged if row.verdict in REMARKS]
+    counts = pd.Series([row.verdict for row in judged]).value_counts()
+    text = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    lines = [
+        [row.verdict, row.scenario, f"{row.engine} {row.profile}", f"{row.metric} {row.subject}".strip(),
+         exact_number(row.value), row.reason]
+        for row in remarks[:MOST]
+    ]  # fmt: skip
+    heads = ("verdict", "scene", "engine", "figure", "value", "reason")
+    listed = plain_table(heads, lines, 6) if lines else ""
+    rest = f"<p>{len(remarks) - MOST} more.</p>" if len(remarks) > MOST else ""
+    return f"<p>{len(rows)} figures; {text or 'none is judged'}.</p>{listed}{rest}"
+
 
 CHARTS: tuple[tuple[str, str, float, float], ...] = (
     ("overlap.max", "deepest overlap [mm]", 1e3, 1e-7),
@@ -25,12 +81,8 @@ CHARTS: tuple[tuple[str, str, float, float], ...] = (
 )
 """Metric, title, factor to the unit of the chart, and least value drawn [that unit]."""
 FORCES = "Contact force over time, mean of each frame; dashed: closed form"
-LARGER = 1.0 + 0.02
-"""Ratio from which the reference counts as worse than another engine: the repeatability of a median."""
 MOST_TABLES = 1_000_000
 """Characters of tables of scenes in full: with MOST_PLAYBACK, a page stays under 5 MB."""
-SAME_DEPTH = 1e-6
-"""Overlap below which the reference loses to nobody [m]: the gap in which it handles contact."""
 
 
 def charts_part(content: Content) -> str:
@@ -51,19 +103,15 @@ def charts_part(content: Content) -> str:
 
 def published_part(content: Content) -> str:
     """Published values with their sources, and what was measured; "" where the scenes state none."""
-    table, notes = content.published
-    if not table:
-        return ""
-    body = plain_table(table[0], table[1:], 3) + "".join(f"<p>{escape(line)}</p>" for line in notes)
-    return fold(PUBLISHED, body, "published", True)
+    part = content.published
+    return fold(part.title, part_body(part), "published", True) if part.rows else ""
 
 
 def nights_part(content: Content) -> str:
     """Times over nights, folded away: a table of few nights, charts of more."""
     drawn = "".join(figure(title, svg) for title, svg in content.history.items())
     body = f'<div class="charts">{drawn}</div>' if drawn else ""
-    if content.times:
-        body += plain_table(content.times[0], content.times[1:], 2)
+    body += part_body(content.times)
     return fold("Times over nights", body, "nights") if body else ""
 
 
@@ -102,43 +150,18 @@ def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str
     return fold(scene, body, f"scene-{scene}", level=3)
 
 
-def reference_loses(scenes: Mapping[str, Sequence[Row]], columns: Sequence[Column]) -> str:
-    """Scenes and topics in which another engine does better than the reference."""
-    ours = next((column for column in columns if column[0] == REFERENCE), None)
-    if ours is None:
+def reference_loses(frame: pd.DataFrame, scenes: Collection[str]) -> str:
+    """Scenes and metrics in which another engine does better than the reference."""
+    if not (frame.engine == REFERENCE).any():
         return "<p>The reference did not play.</p>"
     lines: list[list[Cell]] = []
-    for scene, rows in scenes.items():
-        for metric, least in (
-            ("time.frame.median", 0.0),
-            ("overlap.max", SAME_DEPTH),
-            ("contact.gap", SAME_DEPTH),
-        ):
-            values: dict[tuple[str, str], list[Row]] = {}
-            for row in rows:
-                if row.metric == metric and (row.engine, row.profile) in columns and row.value == row.value:
-                    values.setdefault((row.engine, row.profile), []).append(row)
-            if ours not in values or len(values) < 2:
-                continue
-            worst = {column: max(found, key=lambda row: abs(row.value)) for column, found in values.items()}
-            mine = worst.pop(ours)
-            best = min(worst.values(), key=lambda row: abs(row.value))
-            if abs(mine.value) > max(abs(best.value) * LARGER, least):
-                ratio = f"{abs(mine.value / best.value):.3g} times" if best.value else ""
-                lines.append(
-                    [
-                        scene_part(scene, scenes),
-                        metric_part(metric),
-                        valued(mine)[0],
-                        valued(best)[0],
-                        best.engine,
-                        ratio,
-                        reproduce(mine, best),
-                    ]
-                )
-    if not lines:
-        return "<p>In none of these scenes: no engine is faster, overlaps less or hovers less.</p>"
-    return plain_table(["scene", "figure", "reference", "best other", "engine", "ratio", "command"], lines, 7)
+    for metric, loss in ((metric, loss) for lost in losses(frame).values() for metric, loss in lost.items()):
+        mine, best = loss.first, loss.best
+        ratio = f"{abs(mine.value / best.value):.3g} times" if best.value else ""
+        texts = (valued(mine)[0], valued(best)[0], best.engine, ratio, reproduce(mine, best))
+        lines.append([scene_part(mine.scenario, scenes), metric_part(metric, mine.subject), *texts])
+    heads = ["scene", "figure", "reference", "best other", "engine", "ratio", "command"]
+    return long_table(heads, lines, SHOWN, 7) if lines else "<p>In no figure of these scenes.</p>"
 
 
 def settings_part(settings: Mapping[str, Mapping[str, object]]) -> str:

@@ -1,11 +1,18 @@
-"""`ratio.time`: the reference's time over an engine's, judged on the frames in which one has a contact."""
+"""`ratio.time`: the reference's time over an engine's, judged on the frames in which one has a contact.
+
+Ratio of the reference's time to an engine's as a product: steps x articulated dynamics x time per step.
+
+With r the reference at its own step and q at the common step, R an engine at its own step, E at the common
+step and P there with kinematic links, all over the same frames: r / R = (r / q * E / R) * (P / E) * (q / P).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from math import inf, isfinite, isnan
+from math import inf, isfinite, isnan, nan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +20,31 @@ from numpy.typing import NDArray
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, restart_ratio
+from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, mean, restart_ratio
+from touchstone.reports.metrics.context import ROUNDING
 from touchstone.reports.results import UNJUDGED, Row
-from touchstone.reports.run.contact_frames import contact_frames
 from touchstone.reports.run.reproduce import reproduce
-from touchstone.reports.run.request import EQUAL_PROFILE, REFERENCE
-from touchstone.reports.run.time_limits import judged_time, kind_of
-from touchstone.reports.verdict.own_limits import is_foreign
+from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
+from touchstone.reports.run.time_limits import POSED_LABEL, judged_time, kind_of
+from touchstone.reports.verdict.limits import is_foreign
 from touchstone.scenarios.scenario import Scenario
+
+CONTACTING = "pairs.contacting"
+"""Counter of the reference: pairs that touch in the driven loop, which resolves them without impulses."""
+
+
+def contact_frames(recording: Recording) -> NDArray[np.bool_]:
+    """Frames (f,) in which a contact bears an impulse, or a driven body is kept off an obstacle."""
+    found = np.zeros(len(recording.time_frame), dtype=bool)
+    rows: Any = recording.contacts[np.abs(recording.contacts["impulse"]).max(axis=1, initial=0.0) > 0]
+    rate = 1 / recording.time[1] if len(recording.time) > 1 else 1.0
+    frames = np.floor(rows["time"] * rate + ROUNDING).astype(int)
+    found[frames[frames < len(found)]] = True
+    names = recording.work_names.tolist()
+    if CONTACTING in names:
+        found |= recording.work[:, names.index(CONTACTING)] > 0
+    return found
+
 
 FRAMES, MEDIAN = "ratio.frames", f"{RATIO}.median"
 """Metrics: number of frames in which one of the two has a contact; ratio of the medians over all frames."""
@@ -155,3 +179,32 @@ def compared(ours: Row | None, theirs: Row | None) -> tuple[str, str]:
             return NO_DEEPER if row.verdict == "skipped" else UNCOMPARED, f"no overlap: {row.reason}"
     deeper = ours.value > max(theirs.value, SAME_DEPTH)  # type: ignore[union-attr]
     return (DEEPER, "overlap larger") if deeper else (NO_DEEPER, "overlap no larger")
+
+
+FACTORS = ("ratio.steps", "ratio.dynamics", "ratio.step")
+"""Factors by the numbers of steps, by the dynamics of links, and per step without these."""
+
+
+def factor_rows(study: str, scenario: str, columns: Mapping[tuple[str, str], Timed]) -> Iterator[Row]:
+    """FACTORS of the reference over every engine whose columns are complete."""
+    ours, common = (columns.get((REFERENCE, name)) for name in ("balanced", EQUAL_PROFILE))
+    for engine in dict.fromkeys(engine for engine, _ in columns if engine != REFERENCE):
+        own, equal = (columns.get((engine, name)) for name in (MACHINE_PROFILE, EQUAL_PROFILE))
+        posed = columns.get((engine, f"{EQUAL_PROFILE}, {POSED_LABEL}"))
+        if ours is None or common is None or own is None or equal is None:
+            continue
+        r, q, big_r, e, p = _means(ours, common, own, equal, posed or equal)
+        values = (r / q * e / big_r, p / e if posed else nan, q / p)
+        for name, value in zip(FACTORS, values):
+            reason = "" if value == value else "no driven body"
+            row = Row(study, scenario, REFERENCE, ours.label, ours.dt, name, value, "1")
+            yield replace(row, subject=f"{engine} {own.label}", reason=reason)
+
+
+def _means(ours: Timed, *others: Timed) -> list[float]:
+    """Mean frame [s] of all columns, over the frames that all played in which the first or third has a
+    contact."""
+    count = min(column.times.shape[1] for column in (ours, *others))
+    _, _, chosen, _ = pair_frames(ours, others[1])
+    chosen = chosen[chosen < count]
+    return [float(mean(np.median(column.times, axis=0)[chosen])) for column in (ours, *others)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -21,15 +21,59 @@ from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.page.run_page import packed_scene, write_page
 from touchstone.reports.results import Row, save, save_manifest, table, write_beside
-from touchstone.reports.run.comparisons import ratios_of, spreads_of
 from touchstone.reports.run.farthest_apart import apart_rows, measured_horizon
 from touchstone.reports.run.measure import excused, measured_of
-from touchstone.reports.run.request import STUDY, Request, Results
+from touchstone.reports.run.ratios import ratio_rows, timed
+from touchstone.reports.run.request import MACHINE_PROFILE, STUDY, Request, Results
 from touchstone.reports.verdict.judge import judged_in, lost
 from touchstone.reports.views.comparison_pictures import draw, draw_forces
-from touchstone.reports.views.frame_budget_picture import write_picture
+from touchstone.reports.views.frame_budget import write_picture
 from touchstone.reports.views.markdown import report
 from touchstone.scenarios.scenario import Scenario
+
+
+def ratios_of(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: list[Row]) -> list[Row]:
+    """Ratios of the reference's time to every engine's, from this one run."""
+    overlap = {(r.engine, r.profile): r for r in rows if r.metric == "overlap.max"}
+    columns = [
+        timed(engine, label, recording, [recording.time_frame], overlap.get((engine, label)))
+        for (engine, label), recording in played.items()
+    ]
+    return ratio_rows(STUDY, scenario, columns, one_run=True)
+
+
+def spreads_of(scenario: Scenario, rows: list[Row]) -> list[Row]:
+    """Spread of every event over the reference and the engines in profile `recommended`; names the
+    outlier."""
+    found = []
+    events = sorted({(r.metric, r.subject, r.unit) for r in rows if r.metric.startswith("events.")})
+    for metric, subject, unit in events:
+        values = {
+            r.engine: r.value
+            for r in rows
+            if (r.metric, r.subject) == (metric, subject) and r.profile in (MACHINE_PROFILE, "balanced")
+        }
+        if len(values) < 2 or any(isnan(value) for value in values.values()):
+            continue
+        middle = float(np.median(list(values.values())))
+        outlier = max(values, key=lambda engine: abs(values[engine] - middle))
+        spread = max(values.values()) - min(values.values())
+        found.append(
+            Row(
+                STUDY,
+                scenario.name,
+                "all",
+                MACHINE_PROFILE,
+                float("nan"),
+                f"{metric}.spread",
+                spread,
+                unit,
+                subject,
+                reason=f"outlier {outlier}: {values[outlier]:.4g}, median {middle:.4g}",
+            )
+        )
+    return found
+
 
 Listener = Callable[[pd.DataFrame], None]
 

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.ticker import FixedLocator, NullLocator
-from rich.console import Console
 from scipy.stats import bootstrap
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings, State
@@ -31,15 +30,13 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured
-from touchstone.reports.studies.charts import figure, headline, open_axes, panels
 from touchstone.reports.studies.study import RefusedError, kept, with_interval
 from touchstone.reports.studies.tasks import Ended, own_step, played
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.verdict.outcomes import judge
-from touchstone.reports.verdict.random_outcomes import EXACT, judge_random
-from touchstone.reports.views.pictures import INK, PALE, color_of
+from touchstone.reports.verdict.outcomes import EXACT, judge, judge_random
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes, panels
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
-from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.difficulty.checks import Checks
 from touchstone.scenarios.difficulty.family import families, hard_scene
@@ -319,19 +316,14 @@ def _split(subject: str) -> tuple[str, str]:
     raise ValueError(subject)
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one line per variation, and what moves nothing."""
-    table = table_of("ablation: what each mechanism and constant buys and costs", HEADS, padding=(0, 1, 0, 0))
-    for line in lines_of(frame):
-        table.add_row(*line)
-    out.print(table)
-    print_notes(NOTES, out)
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One line per variation, and what moves nothing."""
     broken = frame[(frame.metric == "ablation.broken") & (frame.reason != "")]
-    for subject, reason in zip(broken.subject, broken.reason):
-        out.print(f"{subject}: {reason}", highlight=False, soft_wrap=True)
-    still = idle(frame)
-    if still:
-        out.print(f"\nmoves no scene in either direction: {', '.join(still)}", highlight=False)
+    lines = [f"{subject}: {reason}" for subject, reason in zip(broken.subject, broken.reason)]
+    if still := idle(frame):
+        lines += ["", f"moves no scene in either direction: {', '.join(still)}"]
+    title = "ablation: what each mechanism and constant buys and costs"
+    return [Part(title, HEADS, lines_of(frame), NOTES, lines)]
 
 
 def idle(frame: pd.DataFrame) -> list[str]:

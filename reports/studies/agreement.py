@@ -6,7 +6,7 @@ where there is an order: the slope of the change from rung to rung). Errors are 
 bodies: of positions over the longest path of any body, of orientations in radians.
 
 Where a scene has no closed form, its truth is the band of the codes that converge to one motion
-(`work_precision/bands.py`). The error of an engine at its own step is its distance from the band.
+(`work_precision/errors.py`). The error of an engine at its own step is its distance from the band.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 from rich.text import Text
 from scipy.spatial.transform import Rotation
 from scipy.stats import linregress, t
@@ -31,7 +30,7 @@ from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.request import step_text
-from touchstone.reports.studies.study import RefusedError, kept, missing_rows, print_failures
+from touchstone.reports.studies.study import RefusedError, failures, kept, missing_rows
 from touchstone.reports.studies.tasks import (
     PROCESSES,
     Ended,
@@ -52,8 +51,8 @@ from touchstone.reports.studies.work_precision.points import SweptRuns
 from touchstone.reports.sweep.cells import Cell, grid
 from touchstone.reports.sweep.sweep import sweep
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
-from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario
@@ -337,27 +336,23 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one block per scene and quantity, and every remark."""
-    title = "agreement: scenes with a closed form, each engine at its own step and down to 1/1920 s"
-    table = table_of(title, HEADS, padding=(0, 1, 0, 0))
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One block per scene and quantity, and every remark."""
+    rows: list[list[str | Text]] = []
     for (scenario, quantity), part in frame[frame.metric == "agreement.model"].groupby(
         ["scenario", "subject"], sort=False
     ):
         block = frame[(frame.scenario == scenario) & (frame.subject == quantity)]
         if not (block[block.metric == "agreement.error"].value > ROUNDING).any():
             continue
-        table.add_section()
-        table.add_row(Text.assemble((str(scenario), "bold"), f" {quantity}"))
+        rows.append([Text.assemble((str(scenario), "bold"), f" {quantity}")])
         outliers = rows_of(block[block.metric == "agreement.outlier"])
         lone = next((row.reason for row in outliers if row.value > ROUNDING), "")
         for model in rows_of(part[part.verdict != "skipped"]):
-            table.add_row(*_cells(model, rows_of(block[block.engine == model.engine]), lone))
-    if table.row_count:
-        out.print(table)
-        print_notes(NOTES, out)
-    _show_bands(frame, out)
-    print_failures(frame, out)
+            rows.append([*_cells(model, rows_of(block[block.engine == model.engine]), lone)])
+    title = "agreement: scenes with a closed form, each engine at its own step and down to 1/1920 s"
+    table = Part(title, HEADS, rows, NOTES) if rows else Part()
+    return [table, _bands(frame), failures(frame)]
 
 
 BAND_HEADS = ("engine", "own step\n[s]", "error\n[mm]", "finest\n[mm]", "change\n[mm]")
@@ -367,15 +362,11 @@ BAND_NOTES = (
 )
 
 
-def _show_bands(frame: pd.DataFrame, out: Console) -> None:
-    """Print one block per scene without a closed form, and who agrees on it."""
-    bands = rows_of(frame[frame.metric == "agreement.band"])
-    if not bands:
-        return
-    table = table_of("agreement: scenes without a closed form", BAND_HEADS, padding=(0, 1, 0, 0))
+def _bands(frame: pd.DataFrame) -> Part:
+    """One block per scene without a closed form, and who agrees on it."""
+    bands, rows = rows_of(frame[frame.metric == "agreement.band"]), []
     for band in bands:
-        table.add_section()
-        table.add_row(Text(band.scenario, "bold"))
+        rows.append([band.scenario])
         mine = rows_of(frame[(frame.scenario == band.scenario) & (frame.subject == "position")])
         found = {(row.engine, row.metric): row.value for row in mine}
         for row in mine:
@@ -384,11 +375,11 @@ def _show_bands(frame: pd.DataFrame, out: Console) -> None:
                     found.get((row.engine, f"agreement.{name}"), nan) for name in ("distance", "change")
                 )
                 cells = ("-" if isnan(one) else number(1e3 * one) for one in (row.value, far, change))
-                table.add_row(row.engine, step_text(row.dt), *cells)
-    out.print(table)
-    print_notes(BAND_NOTES, out)
-    for band in bands:
-        out.print(f"{band.scenario}: {band.reason}", highlight=False, soft_wrap=True)
+                rows.append([row.engine, step_text(row.dt), *cells])
+    if not bands:
+        return Part()
+    lines = [f"{band.scenario}: {band.reason}" for band in bands]
+    return Part("agreement: scenes without a closed form", BAND_HEADS, rows, BAND_NOTES, lines)
 
 
 def _cells(model: Row, mine: list[Row], lone: str) -> list[str]:

@@ -20,24 +20,23 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from rich.console import Console
+from rich.text import Text
 
 from touchstone.adapters.contract import Array, Engine
 from touchstone.adapters.registry import installed, load
 from touchstone.adapters.workers.process import COMPILE_PATIENCE
 from touchstone.adapters.workers.variants import Pace, Variant, plan_seconds, play
-from touchstone.reports.bench.tables import MICRO, limit_text, print_remarks, value_text
+from touchstone.reports.bench.tables import MICRO, limit_text, remarks, value_text
 from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure
 from touchstone.reports.studies.study import kept, missing_rows, with_interval
 from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, played
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, marker_of
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
-from touchstone.reports.views.terminal import table_of
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.effects import EFFECT_TABLE, PLANNED
 from touchstone.scenarios.scenario import Scenario
@@ -212,23 +211,25 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print savings and outcomes, effects one by one, means, and every limit that is broken."""
+def report(frame: pd.DataFrame) -> list[Part]:
+    """Savings and outcomes, effects one by one, means, and every limit that is broken."""
     rows = {(r.scenario, r.engine, r.metric, r.subject): r for r in rows_of(frame)}
-    table = table_of("effects: the plan against all effects", HEADS, left=2)
-    for scenario, engine, metric, _ in rows:
-        if metric == "time.frame":
-            table.add_row(*_cells(rows, scenario, engine))
-    out.print(table)
-    _show_toggles(rows, out)
-    means = table_of("effects: geometric means of what the plan leaves of the time", MEANS, left=2)
+    figures = [_cells(rows, scene, engine) for scene, engine, metric, _ in rows if metric == "time.frame"]
+    scenes = [key[0] for key in rows if key[1:3] == (REFERENCE, "time.frame")]
+    toggles = [[scene, *(mark(rows, scene, effect) for effect in TOGGLED)] for scene in scenes]
+    shorts = [EFFECT_TABLE[effect].short for effect in TOGGLED]
+    means: list[list[str | Text]] = []
     for (scenario, engine, metric, _), row in rows.items():
         if metric == "time.left" and scenario in GROUPS:
             between = f"{100 * row.low:.0f} to {100 * row.high:.0f}"
-            count = row.reason.partition(";")[0]
-            means.add_row(scenario, engine, f"{100 * row.value:.0f}", between, limit_text(row), count)
-    out.print(means)
-    print_remarks(frame, out, NOTES)
+            left, count = f"{100 * row.value:.0f}", row.reason.partition(";")[0]
+            means.append([scenario, engine, left, between, limit_text(row), count])
+    return [
+        Part("effects: the plan against all effects", HEADS, figures, words=2),
+        Part("effects: one by one, on the reference", ["scene", *shorts], toggles) if toggles else Part(),
+        Part("effects: geometric means of what the plan leaves of the time", MEANS, means, words=2),
+        remarks(frame, NOTES),
+    ]
 
 
 def outcome(row: Row | None) -> str:
@@ -243,17 +244,6 @@ def mark(rows: dict[tuple[str, str, str, str], Row], scenario: str, effect: str)
         if row is not None:
             return words.get(outcome(row), "!")
     return "x"
-
-
-def _show_toggles(rows: dict[tuple[str, str, str, str], Row], out: Console) -> None:
-    scenes = [key[0] for key in rows if key[1:3] == (REFERENCE, "time.frame")]
-    if not scenes:
-        return
-    heads = ("scene", *(EFFECT_TABLE[effect].short for effect in TOGGLED))
-    table = table_of("effects: one by one, on the reference", heads, left=1)
-    for scenario in scenes:
-        table.add_row(scenario, *(mark(rows, scenario, effect) for effect in TOGGLED))
-    out.print(table)
 
 
 def _cells(rows: dict[tuple[str, str, str, str], Row], scenario: str, engine: str) -> list[str]:

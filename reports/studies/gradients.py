@@ -15,8 +15,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.colors import LogNorm
-from rich.console import Console
-from rich.text import Text
 
 from touchstone.adapters.contract import Array, Engine, Settings
 from touchstone.adapters.recorder import record
@@ -25,11 +23,10 @@ from touchstone.adapters.registry import ENGINES, installed
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure, headline
-from touchstone.reports.studies.study import Column, kept, missing_rows, print_failures, with_interval
+from touchstone.reports.studies.study import Column, failures, kept, missing_rows, with_interval
 from touchstone.reports.studies.tasks import Ended, played
-from touchstone.reports.views.pictures import INK, PALE
-from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.reports.views.pictures import INK, PALE, figure, headline
+from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball, block, slab
 
@@ -305,26 +302,22 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print a line per derivative with the errors of every column, by case."""
+def report(frame: pd.DataFrame) -> list[Part]:
+    """A line per derivative with the errors of every column, by case."""
     rows = rows_of(frame[frame.metric == ERROR])
     columns = list(dict.fromkeys((row.engine, row.profile) for row in rows))
-    heads = ("derivative", *(" ".join(one) for one in columns))
-    table = table_of("gradients: errors of derivatives of the end state", heads, padding=(0, 1, 0, 0))
     cells: dict[tuple[str, str], dict[Column, list[str]]] = {}
     for row in rows:
         line = cells.setdefault((row.scenario, row.subject.partition(",")[0]), {})
         line.setdefault((row.engine, row.profile), []).append(f"{row.value:.0e}")
+    lines: list[list[str]] = []
     last = ""
     for (case, name), found in cells.items():
-        if case != last:
-            table.add_section()
-            table.add_row(Text(case, "bold"))
-            last = case
-        table.add_row(name, *(" ".join(found.get(column, ())) for column in columns))
-    out.print(table)
-    print_notes(NOTES, out)
-    print_failures(frame, out)
+        lines += [[case]] if case != last else []
+        last = case
+        lines.append([name, *(" ".join(found.get(column, ())) for column in columns)])
+    heads = ["derivative", *map(" ".join, columns)]
+    return [Part("gradients: errors of derivatives of the end state", heads, lines, NOTES), failures(frame)]
 
 
 LEAST, MOST = 1e-10, 10.0

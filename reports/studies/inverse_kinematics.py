@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.engines.reference.reference_world import translate
@@ -32,10 +31,10 @@ from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.study import RefusedError, kept, print_failures, with_interval
+from touchstone.reports.studies.study import RefusedError, failures, kept, with_interval
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
-from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.avatar.avatar import HAND_LENGTH, avatar_parts, standing_tracker
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Scenario, Vector
@@ -230,19 +229,19 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one row per start and solver, the cost of a call, and every broken limit."""
-    table = table_of("ik: random reachable goals of the left arm", HEADS, left=2, padding=(0, 0))
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One row per start and solver, the cost of a call, and every broken limit."""
+    rows = []
     for start in STARTS:
         for engine, profile in SOLVERS:
             part = frame[(frame.scenario == start) & (frame.engine == engine) & (frame.profile == profile)]
-            table.add_row(start, f"{engine} {profile}", *_cells(part))
-    out.print(table)
-    for row in rows_of(frame[frame.metric == "time.crossing"]):
-        cost = exact_number(row.value * MICRO)
-        out.print(f"a call into {row.engine}: {cost} µs", style="dim", highlight=False)
-    print_notes(NOTES, out)
-    print_failures(frame, out)
+            rows.append([start, f"{engine} {profile}", *_cells(part)])
+    calls = [
+        f"a call into {row.engine}: {exact_number(row.value * MICRO)} µs"
+        for row in rows_of(frame[frame.metric == "time.crossing"])
+    ]
+    title = "ik: random reachable goals of the left arm"
+    return [Part(title, HEADS, rows, (*calls, *NOTES), words=2, tight=True), failures(frame)]
 
 
 def _cells(part: pd.DataFrame) -> list[str]:

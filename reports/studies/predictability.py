@@ -19,7 +19,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
-from rich.console import Console
 from rich.text import Text
 
 from touchstone.adapters.contract import Array, Engine
@@ -28,14 +27,24 @@ from touchstone.adapters.registry import ENGINES, installed
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure, headline, logarithmic, open_axes, panels, rows_for
-from touchstone.reports.studies.study import kept, missing_rows, print_failures, with_interval
+from touchstone.reports.studies.study import failures, kept, missing_rows, with_interval
 from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, own_step, played
 from touchstone.reports.sweep.measures import moving
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.pictures import (
+    INK,
+    PALE,
+    color_of,
+    figure,
+    headline,
+    logarithmic,
+    marker_of,
+    open_axes,
+    panels,
+    rows_for,
+)
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
-from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.closed_form_ends import final_positions
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import shifted
@@ -215,22 +224,16 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one block per scene, and every remark."""
-    heads = ("engine", *(f"{size:g} m" for size in SIZES))
-    table = table_of(
-        "predictability: amplification of perturbations of the start", heads, padding=(0, 1, 0, 0)
-    )
-    measured = frame[frame.metric == METRIC]
-    for scenario, scene in measured.groupby("scenario", sort=False):
-        table.add_section()
-        table.add_row(Text(str(scenario), "bold"))
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One block per scene, and every remark."""
+    rows: list[list[str | Text]] = []
+    for scenario, scene in frame[frame.metric == METRIC].groupby("scenario", sort=False):
+        rows.append([str(scenario)])
         for engine, part in scene.groupby("engine", sort=False):
             style = "dim" if engine == CLOSED_FORM else ""
-            table.add_row(str(engine), *map(_cell, rows_of(part)), style=style)
-    out.print(table)
-    print_notes(NOTES, out)
-    print_failures(frame, out)
+            rows.append([Text(cell, style=style) for cell in (str(engine), *map(_cell, rows_of(part)))])
+    title = "predictability: amplification of perturbations of the start"
+    return [Part(title, ["engine", *(f"{size:g} m" for size in SIZES)], rows, NOTES), failures(frame)]
 
 
 def _cell(row: Row) -> str:

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import AdapterError, Array, Engine, Settings
@@ -25,11 +24,10 @@ from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row
-from touchstone.reports.studies.charts import figure, headline, open_axes
-from touchstone.reports.studies.study import Column, kept, missing_rows, print_failures
+from touchstone.reports.studies.study import Column, failures, kept, missing_rows
 from touchstone.reports.studies.tasks import Ended, Task, played
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
-from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, marker_of, open_axes
+from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.relations.changes import bare
 from touchstone.scenarios.relations.table import RELATIONS
@@ -212,9 +210,7 @@ def run(columns: Sequence[Column], scenes: Sequence[Scenario], out: Path, progre
         for task, one in zip(asked, found):
             rows += rows_of_task(task, one)
         facts = {"study": STUDY, "scenes": [scene.name for scene in scenes]}
-        return kept(
-            [*missing_rows(STUDY, columns), *rows], folder, facts, {"relations.png": deviations_picture}
-        )
+        return kept(rows, folder, facts, {"relations.png": deviations_picture})
 
 
 def rows_of_task(task: Task, found: Deviations | Ended) -> list[Row]:
@@ -242,18 +238,16 @@ NOTES = (
 LISTED = 12
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print per relation and column in how many scenes it holds and by how much it does not."""
-    rows = scaled(frame)
+def report(frame: pd.DataFrame) -> list[Part]:
+    """Per relation and column in how many scenes it holds and by how much it does not."""
+    rows, lines = scaled(frame), []
     columns = list(dict.fromkeys(zip(rows.engine, rows.profile)))
-    heads = [f"{engine} {profile}" for engine, profile in columns]
-    table = table_of("relations: changed scenes", ("relation", *heads), padding=(0, 2, 0, 0))
     for name in NAMES:
         mine = rows[rows.relation == name].set_index(["engine", "profile"]).scaled
-        table.add_row(name, *(_cell(mine[mine.index == column]) for column in columns))
-    out.print(table)
-    print_notes((*NOTES, *_meanings()), out)
-    print_failures(frame[frame.verdict.isin(["fail", "error"])][:LISTED], out)
+        lines.append([name, *(_cell(mine[mine.index == column]) for column in columns)])
+    heads = ["relation", *map(" ".join, columns)]
+    failed = frame[frame.verdict.isin(["fail", "error"])][:LISTED]
+    return [Part("relations: changed scenes", heads, lines, (*NOTES, *_meanings())), failures(failed)]
 
 
 def _cell(part: pd.Series) -> str:

@@ -10,7 +10,6 @@ from math import nan
 from pathlib import Path
 
 import pandas as pd
-from rich.console import Console
 
 from touchstone.adapters.oracles.robot_file import EQUAL, READERS, deviations, trees_of
 from touchstone.adapters.robots.robot_error import RobotError
@@ -20,7 +19,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.study import kept
-from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.reports.views.render import Part
 
 STUDY = "import"
 SUFFIXES = (".urdf", ".mjcf", ".xml")
@@ -119,9 +118,9 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print a line per robot, what differs, and the reason of each that is refused."""
-    table = table_of("robots, compared with their files", HEADS, left=2)
+def report(frame: pd.DataFrame) -> list[Part]:
+    """A line per robot, what differs, and the reason of each that is refused."""
+    lines = []
     counts: dict[str, int] = {}
     remarks = []
     for name, part in frame.groupby("scenario", sort=False):
@@ -143,9 +142,6 @@ def show(frame: pd.DataFrame, out: Console) -> None:
         else:
             remarks.append(f"{result}: {name}: {first.reason}")
         counts[result] = counts.get(result, 0) + 1
-        table.add_row(str(name), result, *cells)
-    out.print(table)
-    out.print(", ".join(f"{count} {result}" for result, count in counts.items()), highlight=False)
-    print_notes(NOTES, out)
-    for line in remarks:
-        out.print(line, highlight=False, soft_wrap=True)
+        lines.append([str(name), result, *cells])
+    total = ", ".join(f"{count} {result}" for result, count in counts.items())
+    return [Part("robots, compared with their files", HEADS, lines, NOTES, [total, *remarks], words=2)]

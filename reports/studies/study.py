@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from rich.console import Console
 
 from touchstone.adapters.contract import MISSING
 from touchstone.adapters.registry import installed, missing_reason
 from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
 from touchstone.reports.studies.tasks import own_step
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 
 Column = tuple[str, str]
@@ -76,8 +76,6 @@ def failure_lines(frame: pd.DataFrame) -> list[str]:
     return lines
 
 
-def print_failures(frame: pd.DataFrame, out: Console) -> None:
-    """Print `failure_lines`."""
-    for line in failure_lines(frame):
-        style = "red" if line.startswith(("fail", "error")) else ""
-        out.print(line, highlight=False, soft_wrap=True, style=style)
+def failures(frame: pd.DataFrame) -> Part:
+    """`failure_lines` as a part of a report."""
+    return Part(lines=failure_lines(frame))

@@ -1,21 +1,123 @@
-"""Run a sweep: skip the cells that a store holds, play the others, append each batch as it ends."""
+"""Run a sweep: skip the cells that a store holds, play the others, append each batch as it ends.
+
+Executor of timing cells: one at a time, on one core, engines interleaved, all processes new in each round.
+
+The rules are those of `docs/fairness.md`: nothing else of this program runs meanwhile, each round draws its
+own order, and the spread over rounds is what a second run would show.
+"""
 
 from __future__ import annotations
 
 import os
+import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 from typing import Protocol
 
+import numpy as np
 import pandas as pd
 
+from touchstone.adapters.registry import load
+from touchstone.adapters.workers.pool import Pool, Slot
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.sweep.batch_pool import BatchPool
 from touchstone.reports.sweep.cells import TIMING, Cell
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.store import Done, Store
-from touchstone.reports.sweep.timing_rounds import TimingRounds
+from touchstone.reports.sweep.worker import PATIENCE, Loader, Worker, played_batch
+
+GROUP = 8
+"""Cells that are appended to the store together: what a kill loses, some two seconds."""
+
+
+class TimingRounds:
+    """Plays cells of one repeat after those of another; each round starts new processes, one per engine.
+
+    Args:
+        output: folder of the processes' output.
+        seed: of the order.
+    """
+
+    def __init__(
+        self, output: Path, seed: int = 0, loader: Loader = load, patience: float = PATIENCE
+    ) -> None:
+        self._output, self._seed, self._loader, self._patience = output, seed, loader, patience
+        self._core = max(os.sched_getaffinity(0))
+
+    def play(self, cells: Sequence[Cell]) -> Iterator[list[Done]]:
+        """Play all cells; yields groups in the order in which they end."""
+        rng = np.random.default_rng(self._seed)
+        for repeat in sorted({cell.repeat for cell in cells}):
+            mine = [cell for cell in cells if cell.repeat == repeat]
+            drawn = [mine[k] for k in rng.permutation(len(mine))]
+            yield from self._round(drawn)
+
+    def _round(self, cells: Sequence[Cell]) -> Iterator[list[Done]]:
+        slots = {cell.engine: self._slot(cell.engine) for cell in cells}
+        try:
+            for cell in {cell.engine: cell for cell in cells}.values():
+                slots[cell.engine].child().begin([cell])
+            done: list[Done] = []
+            for cell in cells:
+                for found in played_batch(slots[cell.engine], [cell]):
+                    done += found
+                if len(done) >= GROUP:
+                    yield done
+                    done = []
+            if done:
+                yield done
+        finally:
+            for slot in slots.values():
+                slot.stop()
+
+    def _slot(self, engine: str) -> Slot[Worker]:
+        output = self._output / f"timing-{engine}.txt"
+        return Slot(lambda: Worker(output, self._loader, self._patience, self._core))
+
+
+BATCH_SECONDS, BATCH_MOST = 0.5, 100
+"""Duration of a batch that is aimed at [s], and the largest number of its cells: what a kill loses."""
+
+
+class BatchPool:
+    """Processes that share a list of cells. A cell that kills its process or hangs costs a row and a restart.
+
+    Args:
+        output: folder of the processes' output.
+        patience: time of one cell after which it counts as hung [s].
+    """
+
+    def __init__(self, jobs: int, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
+        self._jobs, self._output, self._loader, self._patience = jobs, output, loader, patience
+        self._lock = threading.Lock()
+        self._spent, self._played = 0.0, 0
+
+    def play(self, cells: Sequence[Cell]) -> Iterator[list[Done]]:
+        """Play all cells; yields batches in the order in which they end."""
+        pool = Pool(self._start, min(self._jobs, len(cells)), self._output)
+        return pool.each(self._batches(cells), self._timed)
+
+    def _start(self, file: Path) -> Worker:
+        return Worker(file, self._loader, self._patience)
+
+    def _batches(self, cells: Sequence[Cell]) -> Iterator[list[Cell]]:
+        """The cells, as many at a time as last about BATCH_SECONDS."""
+        left = deque(cells)
+        while left:
+            with self._lock:
+                size = int(BATCH_SECONDS * self._played / self._spent) if self._played else 1
+            share = -(-len(left) // self._jobs)
+            size = max(1, min(size, share, BATCH_MOST))
+            yield [left.popleft() for _ in range(min(size, len(left)))]
+
+    def _timed(self, slot: Slot[Worker], batch: list[Cell]) -> Iterator[list[Done]]:
+        start = perf_counter()
+        yield from played_batch(slot, batch)
+        with self._lock:
+            self._spent += perf_counter() - start
+            self._played += len(batch)
 
 
 class Executor(Protocol):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
-from rich.table import Table
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.run.request import step_text
 from touchstone.reports.sweep.cells import TIMING
 from touchstone.reports.sweep.measures import FRAMES
+from touchstone.reports.views.render import Part
 
 SHOWN = ("truth.position", "overlap.max", "energy.injected", "friction.stop", "friction.cone")
 """Metrics of the table, where any cell has them."""
@@ -18,25 +17,21 @@ TEXTS = ("scene", "engine", "settings")
 KEYS = ("scenario", "engine", "profile", "settings", "dt", "seed")
 
 
-def show(frame: pd.DataFrame, console: Console) -> None:
-    """Print the median over repeats of SHOWN; a cell that failed shows its reason."""
+def report(frame: pd.DataFrame) -> list[Part]:
+    """The median over repeats of SHOWN; a cell that failed shows its reason."""
     metrics = [name for name in SHOWN if frame[frame.metric == name].value.notna().any()]
-    timed = (frame.measure == TIMING).any()
-    table = Table(title=f"{frame.cell.nunique()} cells", title_justify="left", box=None, pad_edge=False)
-    seeded = frame.seed.nunique() > 1
-    for head in (*TEXTS, *(["seed"] if seeded else [])):
-        table.add_column(head)
-    for head in ("step [s]", *map(_head, metrics), *(["frame [us]"] if timed else [])):
-        table.add_column(head, justify="right", overflow="fold")
-    table.add_column("outcome")
+    timed, seeded = (frame.measure == TIMING).any(), frame.seed.nunique() > 1
+    heads = [*TEXTS, *(["seed"] if seeded else []), "step [s]", *map(_head, metrics)]
+    heads += [*(["frame [us]"] if timed else []), "outcome"]
+    rows = []
     for _, part in frame.groupby(list(KEYS), sort=False):
         first = part.iloc[0]
         values = [_value(part, name) for name in metrics]
         values += [_frame_time(part[part.measure == TIMING])] if timed else []
         label = f"{first.profile} {first.settings}".strip()
         texts = [first.scenario, first.engine, label, *([str(first.seed)] if seeded else [])]
-        table.add_row(*texts, step_text(first["dt"]), *values, _outcome(part))
-    console.print(table)
+        rows.append([*texts, step_text(first["dt"]), *values, _outcome(part)])
+    return [Part(f"{frame.cell.nunique()} cells", heads, rows, words=len(TEXTS) + seeded, last=1)]
 
 
 def _head(metric: str) -> str:

@@ -10,10 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.metrics.contacts.swept_boxes import UNBOUNDED, Motions, extent
+from touchstone.reports.metrics.contacts.passages import UNBOUNDED, Motions, extent
 from touchstone.reports.metrics.context import Context, NotMeasured
-from touchstone.reports.metrics.motion.energy import mechanical_energy
-from touchstone.reports.metrics.motion.momentum import momentum_angular, momentum_linear
+from touchstone.reports.metrics.motion.energy import mechanical_energy, momentum_angular, momentum_linear
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.difficulty.checks import Checks, Wall
 from touchstone.scenarios.scenario import Scenario

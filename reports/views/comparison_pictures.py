@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from math import ceil, log10
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
@@ -34,10 +33,9 @@ from touchstone.reports.views.comparison import (
     head,
     sections,
 )
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, marker_of
 from touchstone.reports.views.tables import number, unit_of
 
-STYLE = {"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": PALE}
 ACROSS = 3
 """Largest number of panels side by side."""
 WIDTH, PANEL, DOT, MILLI = 11.0, 2.3, 0.28, 1e3
@@ -87,15 +85,19 @@ def draw(request: Request, results: Results, folder: Path) -> None:
 
 def _write(request: Request, results: Results, section: Section, path: Path) -> None:
     name = section.topic.name
-    with rc_context(STYLE):  # type: ignore[arg-type]
-        figure = Figure(dpi=150, layout="constrained")
-        FigureCanvasAgg(figure)
-        PICTURES[name](figure, request, results, section)
-        figure.suptitle(f"{TITLES[name]}\n", x=0.008, ha="left", color=INK, fontsize=13, fontweight="bold")
-        note = NOTES[name] + DASHES * (name in ("overlap", "energy"))
-        figure.text(0.008, 1 - 0.36 / figure.get_figheight(), note, color=PALE, fontsize=9, va="top")
-        _legend(figure, columns(results))
-        figure.savefig(path, format="png", facecolor="white")
+    with _figure(path, name, DASHES * (name in ("overlap", "energy")), columns(results)) as drawn:
+        PICTURES[name](drawn, request, results, section)
+
+
+@contextmanager
+def _figure(path: Path, name: str, more: str, own: Columns) -> Iterator[Figure]:
+    """A figure with the title and the note of a topic, and the engines; its size is set while it is drawn."""
+    with figure(path, WIDTH, PANEL, 9.5) as drawn:
+        yield drawn
+        drawn.suptitle(f"{TITLES[name]}\n", x=0.008, ha="left", color=INK, fontsize=13, fontweight="bold")
+        note, top = NOTES[name] + more, 1 - 0.36 / drawn.get_figheight()
+        drawn.text(0.008, top, note, color=PALE, fontsize=9, va="top")
+        _legend(drawn, own)
 
 
 def draw_forces(request: Request, results: Results, folder: Path) -> None:
@@ -107,19 +109,10 @@ def draw_forces(request: Request, results: Results, folder: Path) -> None:
 
 def _write_forces(panels: Sequence[ForcePanel], own: Columns, path: Path) -> None:
     rows = ceil(len(panels) / ACROSS)
-    with rc_context(STYLE):  # type: ignore[arg-type]
-        figure = Figure(dpi=150, layout="constrained", figsize=(WIDTH, 1.1 + PANEL * rows))
-        FigureCanvasAgg(figure)
+    with _figure(path, "forces", "", own) as drawn:
+        drawn.set_size_inches(WIDTH, 1.1 + PANEL * rows)
         for k, panel in enumerate(panels):
-            _force_panel(figure.add_subplot(rows, min(ACROSS, len(panels)), k + 1), panel)
-        figure.suptitle(
-            f"{TITLES['forces']}\n", x=0.008, ha="left", color=INK, fontsize=13, fontweight="bold"
-        )
-        figure.text(
-            0.008, 1 - 0.36 / figure.get_figheight(), NOTES["forces"], color=PALE, fontsize=9, va="top"
-        )
-        _legend(figure, own)
-        figure.savefig(path, format="png", facecolor="white")
+            _force_panel(drawn.add_subplot(rows, min(ACROSS, len(panels)), k + 1), panel)
 
 
 def _force_panel(axes: Axes, panel: ForcePanel) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import pandas as pd
-from rich.console import Console
 from rich.text import Text
 
 from touchstone.reports.results import NOT_RUN, Row, rows_of
@@ -15,8 +14,9 @@ from touchstone.reports.run.farthest_apart import apart_table
 from touchstone.reports.run.reproduce import reproduce
 from touchstone.reports.views.losses import loss_rows
 from touchstone.reports.views.matrix import LIMITS, TOPICS, Entry, by_cause, entries, plural, verdict_of
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import MARKS, Column, columns_of, quantity
-from touchstone.reports.views.terminal import SCENES_IN_FULL, STYLES, print_notes, table_of
+from touchstone.reports.views.terminal import SCENES_IN_FULL, STYLES
 
 NAMED = 1
 """Metrics of a run that a line of the matrix names; those beyond are counted."""
@@ -36,55 +36,48 @@ NOTE_OF_MANY = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console, folder: Path) -> None:
-    """Print the first screen of the results `frame`, which are in `folder`."""
+def first_screen(frame: pd.DataFrame, folder: Path) -> list[Part]:
+    """The first screen of the results `frame`, which are in `folder`."""
     rows = [row for row in rows_of(frame) if row.engine != "all"]
     scenes: dict[str, list[Row]] = {}
     for row in rows:
         scenes.setdefault(row.scenario, []).append(row)
     columns = list(columns_of(row for row in rows if not row.metric.startswith("ratio.")))
     found = {name: entries(mine, columns) for name, mine in scenes.items()}
-    (_show_scenes if len(scenes) <= SCENES_IN_FULL else _show_many)(found, columns, out)
-    out.print(verdict_of(frame)[1], style="bold", highlight=False)
-    for line, style in _broken_lines(rows):
-        out.print(line, style=style, highlight=False)
-    for line in (*_known_lines(rows, columns), *_absent_lines(rows), *_lost_lines(frame)):
-        out.print(line, highlight=False)
-    out.print()
     some = next(iter(scenes), "SCENE")
     tables = f"a scene's table: touchstone run {some}; all tables: --details"
-    print_notes([f"page: {folder / 'report.html'}; {tables}"], out)
+    return [
+        (_scenes if len(scenes) <= SCENES_IN_FULL else _many)(found, columns),
+        Part(lines=[Text(verdict_of(frame)[1], style="bold"), *_broken_lines(rows)], wrap=True),
+        Part(lines=[*_known_lines(rows, columns), *_absent_lines(rows), *_lost_lines(frame), ""], wrap=True),
+        Part(notes=[f"page: {folder / 'report.html'}; {tables}"]),
+    ]
 
 
 Found = dict[str, dict[tuple[str, Column], Entry]]
 
 
-def _show_scenes(found: Found, columns: Sequence[Column], out: Console) -> None:
+def _scenes(found: Found, columns: Sequence[Column]) -> Part:
     """A line for each scene and column."""
-    table = table_of("", ("scene", "engine"), left=2, padding=(0, 0))
-    for name, unit in (("met", ""), *((topic.name, topic.unit) for topic in TOPICS)):
-        table.add_column(Text(f"{name}\n{unit}"), justify="right", no_wrap=True)
-    table.add_column("also misses")
+    heads = ["scene", "engine", "met\n", *(f"{topic.name}\n{topic.unit}" for topic in TOPICS), "also misses"]
+    rows: list[list[str | Text]] = []
     for scene, mine in found.items():
-        table.add_section()
+        rows.append([])
         for k, column in enumerate(columns):
             limits = mine.get((LIMITS, column))
             cells = [limits, *(mine.get((topic.name, column)) for topic in TOPICS)]
             missed = _names(limits.missed if limits else ())
-            table.add_row("" if k else scene, " ".join(column), *map(_cell, cells), missed)
-    out.print(table)
-    print_notes([LEGEND], out)
+            rows.append(["" if k else scene, " ".join(column), *map(_cell, cells), missed])
+    return Part("", heads, rows, [LEGEND], words=2, last=1, tight=True)
 
 
-def _show_many(found: Found, columns: Sequence[Column], out: Console) -> None:
+def _many(found: Found, columns: Sequence[Column]) -> Part:
     """A line for each scene."""
-    table = table_of("", ("scene",), padding=(0, 0))
-    for engine, profile in columns:
-        table.add_column(Text(f"{engine}\n{profile}\nmet{'time':>12}"), justify="right", no_wrap=True)
-    for scene, mine in found.items():
-        table.add_row(scene, *(_summary(mine, column) for column in columns))
-    out.print(table)
-    print_notes([LEGEND, NOTE_OF_MANY], out)
+    heads = ["scene", *(f"{engine}\n{profile}\nmet{'time':>12}" for engine, profile in columns)]
+    rows: list[list[str | Text]] = [
+        [scene, *(_summary(mine, column) for column in columns)] for scene, mine in found.items()
+    ]
+    return Part("", heads, rows, [LEGEND, NOTE_OF_MANY], tight=True)
 
 
 def _cell(entry: Entry | None) -> Text:
@@ -115,18 +108,19 @@ def _names(missed: Iterable[Row]) -> str:
     return ", ".join(names[:NAMED]) + more
 
 
-def _broken_lines(rows: Sequence[Row]) -> Iterator[tuple[str, str]]:
-    """Broken limits and failed runs with their style, a cause and its command each."""
+def _broken_lines(rows: Sequence[Row]) -> Iterator[Text]:
+    """Broken limits and failed runs a cause and its command each."""
     groups = by_cause(row for row in rows if row.verdict in ("fail", "error"))
     for group in groups[:BROKEN_SHOWN]:
         worst = group[0]
         others = list(dict.fromkeys(row.scenario for row in group if row.scenario != worst.scenario))
         also = f"; also in {', '.join(others[:PLACES])}" if others else ""
         also += f" and {len(others) - PLACES} more" if len(others) > PLACES else ""
-        yield f"{MARKS[worst.verdict].strip()} {_figure(worst)}{also}: {worst.reason}", STYLES["fail"]
-        yield f"  {reproduce(worst)}", "dim"
+        line = f"{MARKS[worst.verdict].strip()} {_figure(worst)}{also}: {worst.reason}"
+        yield Text(line, style=STYLES["fail"])
+        yield Text(f"  {reproduce(worst)}", style="dim")
     if len(groups) > BROKEN_SHOWN:
-        yield f"and {len(groups) - BROKEN_SHOWN} more (--details)", ""
+        yield Text(f"and {len(groups) - BROKEN_SHOWN} more (--details)")
 
 
 def _figure(row: Row) -> str:

@@ -13,6 +13,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.request import MACHINE_PROFILE, REFERENCE
 from touchstone.reports.views.comparison import SAME_SHARE, TOPICS
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number, unit_of
 
 OURS = ("balanced", "paper")
@@ -49,6 +50,13 @@ class Loss:
         return (abs(self.first.value) - abs(self.best.value)) / least
 
 
+def losses_part(frame: pd.DataFrame) -> Part:
+    """The metrics in which an engine does better, and the scenes."""
+    rows = loss_rows(frame)
+    lines = [*unmeasured_lines(frame), *(scene_lines(frame) if rows else [])]
+    return Part(TITLE, HEADS, rows, [NOTE], lines, words=2, empty="In no figure of this run.")
+
+
 def loss_rows(frame: pd.DataFrame) -> list[list[str]]:
     """One line per metric under HEADS: scenes lost of those compared, and the worst one with its figures."""
     compared: dict[str, set[str]] = {}
@@ -60,20 +68,26 @@ def loss_rows(frame: pd.DataFrame) -> list[list[str]]:
     return [_line(metric, lost[metric], len(compared[metric])) for metric in METRICS if metric in lost]
 
 
-def scene_lines(frame: pd.DataFrame) -> list[str]:
-    """One line per scene in which an engine does better or is faster: every such metric with the worst
-    figures of `balanced` and the engine's; then the scenes without one."""
+def losses(frame: pd.DataFrame) -> dict[str, dict[str, Loss]]:
+    """Scene -> metric in which an engine does better -> the subject with the largest difference. Scenes that
+    are compared and lose in nothing have no metrics."""
     lost: dict[str, dict[str, Loss]] = {}
     for scene, metric, loss in _compared(frame):
         known = lost.setdefault(scene, {})
         if loss is not None and (metric not in known or loss.difference > known[metric].difference):
             known[metric] = loss
+    return lost
+
+
+def scene_lines(frame: pd.DataFrame) -> list[str]:
+    """One line per scene in which an engine does better or is faster: every such metric with the worst
+    figures of `balanced` and the engine's; then the scenes without one."""
     found = {
         scene: [
             f"{metric} {_figure(loss.first)}, {loss.best.engine} {_figure(loss.best)}"
             for metric, loss in some.items()
         ]
-        for scene, some in lost.items()
+        for scene, some in losses(frame).items()
     }
     for row in rows_of(frame[(frame.metric == RATIO) & (frame.engine == REFERENCE) & (frame.value > 1)]):
         found.setdefault(row.scenario, []).append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,15 +26,12 @@ from touchstone.reports.views.comparison import (
     sections,
     worst_lines,
 )
-from touchstone.reports.views.frame_budget import BUDGET_PICTURE, HEADS, NOTE, budget_rows, budgets
-from touchstone.reports.views.losses import HEADS as LOSS_HEADS
-from touchstone.reports.views.losses import NOTE as LOSS_NOTE
-from touchstone.reports.views.losses import TITLE, loss_rows, scene_lines, unmeasured_lines
-from touchstone.reports.views.published import NOTE as PUBLISHED_NOTE
-from touchstone.reports.views.published import TITLE as PUBLISHED
-from touchstone.reports.views.published import published_table
-from touchstone.reports.views.tables import LEGEND, Cell, cell_of, grid, number
-from touchstone.reports.views.terminal import RATIO_HEADS, RATIO_NOTE, RATIO_TITLE, ratio_rows, remark_lines
+from touchstone.reports.views.frame_budget import budget_part
+from touchstone.reports.views.losses import losses_part
+from touchstone.reports.views.published import published_part
+from touchstone.reports.views.render import Part, markdown
+from touchstone.reports.views.tables import LEGEND, Cell, cell_of, number
+from touchstone.reports.views.terminal import grid_part, ratio_part, remark_lines
 from touchstone.scenarios.truths.pair_names import pair_of
 
 if TYPE_CHECKING:
@@ -45,45 +43,27 @@ BUDGET_STAGES = ("collision", "removal", "impulses", "integration", "drive")
 
 def report(request: Request, results: Results) -> str:
     """The whole page."""
+    frame = results.frame
     parts = ["# touchstone run", "", f"`{request.command}`" if request.command else ""]
-    parts += _apart(results.frame)
-    parts += _published(request, results)
+    if apart := apart_table(rows_of(frame)):
+        parts += markdown(Part(APART, APART_HEADS, apart, words=4))
+    if (published := published_part(frame, request.scenarios)).rows:
+        parts += markdown(published)
     parts += _differences(request, results)
-    parts += _forces(request, results)
-    parts += _losses(results.frame)
+    if (forces := _forces(request, results)).rows:
+        parts += markdown(forces)
+    parts += markdown(losses_part(frame))
     for scenario in request.scenarios:
-        scene = results.frame[results.frame.scenario == scenario.name]
-        parts += ["", f"## {scenario.name}", "", f"{scenario.summary}.", ""]
-        parts += _grid(results.frame, scenario.name)
-        parts += ["", f"`{LEGEND}`", ""]
-        parts += ["### Asked and achieved", "", *_asked(scene, scenario), ""]
-        parts += [f"### {RATIO_TITLE}", ""]
-        parts += [*_markdown(list(RATIO_HEADS), ratio_rows(scene), 2), "", RATIO_NOTE, ""]
-        parts += ["### Frame budget", "", *_budget(scene), ""]
-        parts += ["### Spread of the events", "", *_spreads(scene), ""]
-        parts += ["### Remarks", "", *_bullets(remark_lines(scene))]
+        scene = frame[frame.scenario == scenario.name]
+        grid = replace(grid_part(frame, scenario.name, code=True), title="", notes=[f"`{LEGEND}`"])
+        parts += ["", f"## {scenario.name}", "", f"{scenario.summary}.", *markdown(grid)]
+        remarks = Part("remarks", lines=remark_lines(scene) or ["none"])
+        for part in (_asked(scene, scenario), ratio_part(scene), _budget(scene), _spreads(scene), remarks):
+            parts += markdown(part, 3)
         parts += ["", f"Reproduce: `touchstone run {scenario.name}`"]
-    found = budgets(results.recordings)
-    if found:
-        heads = [head.replace("-\n", "").replace("\n", " ") for head in HEADS]
-        parts += ["", "## Frame budget of the scenes", "", *_markdown(heads, budget_rows(found), 1)]
-        parts += ["", NOTE, "", f"![frame budget]({BUDGET_PICTURE})"]
+    budget = budget_part(results.recordings)
+    parts += markdown(budget) if budget.rows else []
     return "\n".join(parts).rstrip() + "\n"
-
-
-def _apart(frame: pd.DataFrame) -> list[str]:
-    """The section on the bodies that are farthest apart; nothing where one column played."""
-    rows = apart_table(rows_of(frame))
-    return ["", f"## {APART.capitalize()}", "", *_markdown(list(APART_HEADS), rows, 4)] if rows else []
-
-
-def _published(request: Request, results: Results) -> list[str]:
-    """The section on published values, with their sources."""
-    heads, rows, sources = published_table(results.frame, request.scenarios)
-    if not rows:
-        return []
-    lines = [*_markdown(heads, rows, 3), "", PUBLISHED_NOTE, "", *_bullets(sources)]
-    return ["", f"## {PUBLISHED}", "", *lines]
 
 
 FORCE_NOTE = (
@@ -94,8 +74,8 @@ FORCE_NOTE = (
 FORCE_FIGURES = ("force.contact.mean", "force.contact.peak", "force.contact.impulse")
 
 
-def _forces(request: Request, results: Results) -> list[str]:
-    """The section on contact forces: a table and a picture."""
+def _forces(request: Request, results: Results) -> Part:
+    """Contact forces."""
     own, frame = columns(results), results.frame
     figures = {
         (row.scenario, row.subject, row.engine, row.metric): number(row.value)
@@ -107,19 +87,8 @@ def _forces(request: Request, results: Results) -> list[str]:
         places = [(panel.scenario.name, panel.pair, engine) for engine in own]
         found = [[figures.get((*place, name), "") for name in FORCE_FIGURES] for place in places]
         rows.append([*places[0][:2], *(", ".join(cells) if all(cells) else "-" for cells in found)])
-    if not rows:
-        return []
-    table = _markdown(["scene", "pair", *map(head, own.values())], rows, 2)
-    picture = f"![Contact force over time]({FORCE_PICTURE})"
-    return ["", "## Contact forces", "", FORCE_NOTE, "", *table, "", picture]
-
-
-def _losses(frame: pd.DataFrame) -> list[str]:
-    """The section on what engines do better than the reference."""
-    rows = loss_rows(frame)
-    table = _markdown(list(LOSS_HEADS), rows, 2) if rows else ["In no figure of this run."]
-    lines = [*unmeasured_lines(frame), *(scene_lines(frame) if rows else [])]
-    return ["", f"## {TITLE.capitalize()}", "", *table, "", LOSS_NOTE, "", *_bullets(lines)]
+    heads = ["scene", "pair", *map(head, own.values())]
+    return Part("contact forces", heads, rows, [FORCE_NOTE], words=2, picture=FORCE_PICTURE)
 
 
 PLACES = 8
@@ -140,47 +109,38 @@ def _differences(request: Request, results: Results) -> list[str]:
         return [*parts, "Fewer than two engines played: no differences to show.", *missing]
     parts += [INTRODUCTION, "", f"`{LEGEND}`", "", *missing]
     for section in found:
-        parts += [
-            "",
-            f"### Differences in {section.topic.name}",
-            "",
-            *_section(request, results, section, own),
-        ]
+        parts += markdown(_section(request, results, section, own), 3)
     return parts
 
 
-def _section(request: Request, results: Results, section: Section, own: Columns) -> list[str]:
+def _section(request: Request, results: Results, section: Section, own: Columns) -> Part:
     """The table and picture of a topic, and the scenes in which each engine is best."""
-    parts: list[str] = []
-    if section.lines:
-        worst = worst_lines(section)
-        heads = [
-            "scene",
-            "metric",
-            "unit",
-            *map(head, own.values()),
-            "limit",
-            "outlier",
-            "the scene's worst again",
-        ]
-        rows = [
-            _line(
-                line,
-                own,
-                _limits(line, results),
-                f"`{command(request, line)}`" * (line is worst[line.scenario]),
-            )
-            for line in section.lines
-        ]
-        name = section.topic.name
-        parts += [*_markdown(heads, rows, 3), "", f"![Differences in {name}]({name}.png)", ""]
-        parts += _nearest(section, own)
-    parts += [f"- {reason} ({', '.join(dict.fromkeys(scenes))})" for reason, scenes in section.gaps.items()]
-    if section.equal:
-        parts.append(f"- no engine apart: {', '.join(section.equal)}")
-    if section.without:
-        parts.append(f"- no figure of two engines: {', '.join(section.without)}")
-    return parts
+    worst, name = worst_lines(section), section.topic.name
+    heads = [
+        "scene",
+        "metric",
+        "unit",
+        *map(head, own.values()),
+        "limit",
+        "outlier",
+        "the scene's worst again",
+    ]
+    rows = [
+        _line(
+            line, own, _limits(line, results), f"`{command(request, line)}`" * (line is worst[line.scenario])
+        )
+        for line in section.lines
+    ]
+    lines = _nearest(section, own) if rows else []
+    lines += [f"{reason} ({', '.join(dict.fromkeys(scenes))})" for reason, scenes in section.gaps.items()]
+    lines += [f"no engine apart: {', '.join(section.equal)}"] if section.equal else []
+    lines += [f"no figure of two engines: {', '.join(section.without)}"] if section.without else []
+    title = f"differences in {name}"
+    return (
+        Part(title, heads, rows, (), lines, words=3, picture=f"{name}.png")
+        if rows
+        else Part(title, lines=lines)
+    )
 
 
 def _line(line: Line, own: Columns, limit: str, again: str) -> list[str]:
@@ -213,7 +173,7 @@ def _nearest(section: Section, own: Columns) -> list[str]:
     best = {engine: [line for line in section.lines if engine in line.nearest] for engine in own}
     word = "shortest" if section.topic.name == "timing" else "nearest to the truth"
     return [
-        f"- {engine} {word} on {len(lines)} of {len(section.lines)} lines" + _places(lines)
+        f"{engine} {word} on {len(lines)} of {len(section.lines)} lines" + _places(lines)
         for engine, lines in best.items()
     ]
 
@@ -226,27 +186,7 @@ def _places(lines: list[Line]) -> str:
     return f": {', '.join(names[:PLACES])}{more}" if names else ""
 
 
-def _bullets(lines: list[str]) -> list[str]:
-    return [f"- {line}" for line in lines] or ["none"]
-
-
-def _markdown(heads: list[str], rows: list[list[str]], left: int) -> list[str]:
-    rule = ["---"] * left + ["---:"] * (len(heads) - left)
-    escaped = [[cell.replace("|", "\\|") for cell in line] for line in (heads, rule, *rows)]
-    return ["| " + " | ".join(line) + " |" for line in escaped]
-
-
-def _grid(frame: pd.DataFrame, scenario: str) -> list[str]:
-    cells = grid(frame, scenario)
-    heads = ["metric", "unit", *(f"{engine} {profile} {step} s" for engine, profile, step in cells.heads)]
-    rows = [
-        [f"`{metric}` {subject}".strip(), "" if unit == "1" else unit, *(cell.marked for cell in row)]
-        for metric, subject, unit, row in cells.rows
-    ]
-    return _markdown(heads, rows, 2)
-
-
-def _asked(scene: pd.DataFrame, scenario: Scenario) -> list[str]:
+def _asked(scene: pd.DataFrame, scenario: Scenario) -> Part:
     """Restitution of every bounce and friction of every sliding pair, with the requested values."""
     columns = list(dict.fromkeys(zip(scene.engine, scene.profile)))
     achieved = scene[scene.metric.isin(["restitution.achieved", "friction.deficit"]) & scene.value.notna()]
@@ -264,10 +204,10 @@ def _asked(scene: pd.DataFrame, scenario: Scenario) -> list[str]:
         [f"{kind} {subject}", number(wanted[kind, subject]), *(line.get(column, "-") for column in shown)]
         for (kind, subject), line in lines.items()
     ]
-    return _markdown(heads, rows, 1) if rows else ["nothing bounces or slides"]
+    return Part("asked and achieved", heads, rows, empty="nothing bounces or slides")
 
 
-def _budget(scene: pd.DataFrame) -> list[str]:
+def _budget(scene: pd.DataFrame) -> Part:
     """Median frame and share of each stage per column, with the number of tested pairs."""
     heads = ["engine", "frame us", *BUDGET_STAGES, "pairs", "contacts"]
     rows = []
@@ -281,13 +221,15 @@ def _budget(scene: pd.DataFrame) -> list[str]:
         pairs = [number(counts[name]) if name in counts else "" for name in ("pairs", "contacts")]
         rows.append([f"{engine} {profile}", number(1e6 * total.iloc[0]), *stages, *pairs])
     note = "Shares of the stages an engine tells apart; a blank is a stage it does not tell. Means per frame."
-    return [*_markdown(heads, rows, 1), "", note]
+    return Part("frame budget", heads, rows, [note])
 
 
-def _spreads(scene: pd.DataFrame) -> list[str]:
+def _spreads(scene: pd.DataFrame) -> Part:
+    """How far engines differ in events."""
     rows = [
         [f"`{row.metric}` {row.subject}", f"{number(row.value)} {row.unit}", row.verdict, row.reason]
         for row in rows_of(scene[(scene.engine == "all") & ~scene.metric.isin([SPREAD, HORIZON])])
         if np.isfinite(row.value)
     ]
-    return _markdown(["event", "spread", "verdict", "remark"], rows, 4) if rows else ["none"]
+    heads = ["event", "spread", "verdict", "remark"]
+    return Part("spread of the events", heads, rows, words=4, empty="none")

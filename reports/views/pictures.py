@@ -1,6 +1,17 @@
-"""Colours and markers of pictures."""
+"""Figures, colours and markers of pictures, by matplotlib without a display."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator
 
 from touchstone.adapters.registry import ENGINES
 
@@ -25,3 +36,63 @@ def detector_color(name: str) -> str:
     """Colour of a detector or a variant by the engine or library that its name starts with."""
     colors = LIBRARY_COLORS | {engine: entry.color for engine, entry in ENGINES.items()}
     return next((color for owner, color in colors.items() if name.startswith(owner)), INK)
+
+
+GRID = "#e8e8e8"
+STYLE: dict[Any, Any] = {"font.family": "DejaVu Sans", "axes.edgecolor": PALE, "svg.hashsalt": "touchstone"}
+
+
+@contextmanager
+def figure(
+    path: Path,
+    width: float,
+    height: float,
+    font: float = 9,
+    kind: str = "png",
+    style: Mapping[Any, Any] = {},
+    **options: Any,
+) -> Iterator[Figure]:
+    """An empty figure [inch] that is written to `path` in the end; an SVG bears no date."""
+    with rc_context({**STYLE, "font.size": font, **style}):
+        found = Figure(figsize=(width, height), **{"dpi": 150, "layout": "constrained", **options})
+        FigureCanvasAgg(found)
+        yield found
+        found.savefig(
+            path, format=kind, facecolor="white", metadata={"Date": None} if kind == "svg" else None
+        )
+
+
+def rows_for(count: int, across: int) -> int:
+    """Rows of panels, of which `across` are side by side."""
+    return max(1, -(-count // across))
+
+
+def panels(found: Figure, count: int, across: int, **options: Any) -> list[Axes]:
+    """Axes of `count` panels, row by row; the places that are left over stay empty."""
+    grid = found.subplots(rows_for(count, across), across, squeeze=False, **options)
+    for axes in grid.flat[count:]:
+        axes.set_visible(False)
+    return list(grid.flat)[:count]
+
+
+def open_axes(axes: Axes, grid: Any = "both", labels: float = 8.5) -> None:
+    """Draw a pale grid, and no more of the frame than the axes."""
+    axes.grid(axis=grid, color=GRID, linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=INK, length=3, labelsize=labels)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def logarithmic(axes: Axes, x: Sequence[float] = (), y: Sequence[float] = ()) -> None:
+    """Make both axes logarithmic, with ticks at the given values, or where matplotlib puts them."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for axis, ticks in ((axes.xaxis, x), (axes.yaxis, y)):
+        if len(ticks):
+            axis.set_major_locator(FixedLocator(ticks))
+        axis.set_minor_locator(NullLocator())
+
+
+def headline(found: Figure, text: str) -> None:
+    """Write a title at the left, with a line of space below."""
+    found.suptitle(f"{text}\n", x=0.01, ha="left", color=INK, fontsize=13, fontweight="bold")

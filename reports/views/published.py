@@ -9,6 +9,7 @@ import pandas as pd
 
 from touchstone.reports.results import rows_of
 from touchstone.reports.run.request import EVERY_ENGINE
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import MARKS
 from touchstone.scenarios.scenario import Scenario
 
@@ -17,13 +18,11 @@ TITLE = "Against published values"
 NOTE = "± published tolerance; each engine in its first profile; numbers in brackets: sources"
 
 
-def published_table(
-    frame: pd.DataFrame, scenarios: Iterable[Scenario]
-) -> tuple[list[str], list[list[str]], list[str]]:
-    """Heads, one line per published value of the scenes, and the sources; nothing where none was measured."""
+def published_part(frame: pd.DataFrame, scenarios: Iterable[Scenario]) -> Part:
+    """One line per published value of the scenes, and the sources; no row where none was measured."""
     rows = [row for row in rows_of(frame) if row.metric in (METRIC, "run") and row.engine != EVERY_ENGINE]
     if not any(row.metric == METRIC and row.subject for row in rows):
-        return [], [], []
+        return Part()
     own: dict[str, str] = {}
     for row in rows:
         own.setdefault(row.engine, row.profile)
@@ -49,7 +48,8 @@ def published_table(
             known = (digits(one.value, one.tolerance), f"{one.tolerance:.2g}")
             lines.append([scenario.name, f"{one.name} [{number}]", one.unit, *known, *cells])
     heads = ["scene", "value", "unit", "published", "±", *own]
-    return heads, lines, [f"[{number}] {source}" for source, number in sources.items()]
+    texts = [f"[{number}] {source}" for source, number in sources.items()]
+    return Part(TITLE, heads, lines, [NOTE, *texts], words=3, tight=True)
 
 
 def digits(value: float, tolerance: float) -> str:

@@ -167,8 +167,8 @@ def test_a_documented_command_exits_as_its_page_says(one, home):
 
 def cells(text: str) -> dict[str, list[float]]:
     """Label -> figures of each row of a printed table, without marks."""
-    rows = (line.strip().strip("│").split("│") for line in text.splitlines() if line.strip().startswith("│"))
-    return {row[0].strip(): [float(cell.split()[0].rstrip("*")) for cell in row[2:]] for row in rows}
+    rows = (re.split("  +", line.strip()) for line in text.splitlines() if re.match(r" +\w+\.\w+.*\d", line))
+    return {row[0]: [float(cell.split()[0].rstrip("*")) for cell in row[-4:]] for row in rows}
 
 
 @pytest.mark.engines

@@ -10,8 +10,7 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.results import UNAPPLIED, Row
 from touchstone.reports.run.measure import measured
-from touchstone.reports.verdict.counts import counted
-from touchstone.reports.verdict.judge import judged
+from touchstone.reports.verdict.judge import counted, judged
 from touchstone.scenarios.avatar.noisy_tracker import noisy
 from touchstone.scenarios.catalogue import catalogue, tagged
 

@@ -11,7 +11,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, load
-from touchstone.reports.metrics.contacts.sliding import friction_coast
+from touchstone.reports.metrics.contacts.forces import friction_coast
 from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue

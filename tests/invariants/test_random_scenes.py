@@ -14,7 +14,7 @@ from touchstone.adapters.contract import Engine, Settings
 from touchstone.reports.studies.robustness.play import SeededTask, assess
 from touchstone.reports.studies.robustness.study import Assessed, line, rows_of_runs
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.verdict.random_outcomes import EXACT
+from touchstone.reports.verdict.outcomes import EXACT
 from touchstone.scenarios.random_scenes.bodies import (
     masses,
     random_orientation,

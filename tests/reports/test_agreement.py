@@ -14,12 +14,13 @@ from rich.console import Console
 from touchstone.adapters.contract import Unsupported
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies import agreement, study
-from touchstone.reports.studies.agreement import LADDER, Trajectory, order_of, run, show
+from touchstone.reports.studies.agreement import LADDER, Trajectory, order_of, report, run
 from touchstone.reports.studies.tasks import Task, refusable
 from touchstone.reports.studies.work_precision import definitions
 from touchstone.reports.studies.work_precision.errors import CellRun
 from touchstone.reports.studies.work_precision.points import SweptRuns
 from touchstone.reports.sweep.cells import Cell
+from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 
@@ -141,7 +142,7 @@ def test_a_scene_without_a_closed_form_is_measured_against_a_band(
     assert band["reason"] == "dart, bullet, mujoco agree to 20 mm; reference is 80 mm off"
     errors = frame[frame.metric == "agreement.error"].set_index("engine").value
     assert errors.to_dict() == pytest.approx({"reference": 0.085, "dart": 0, "bullet": 0, "mujoco": 0.005})
-    show(frame, Console(width=120, force_terminal=False))
+    print_parts(report(frame), Console(width=120, force_terminal=False))
     assert "reference is 80 mm off" in capsys.readouterr().out
 
 
@@ -161,7 +162,7 @@ def test_limits_of_turns_are_extrapolated() -> None:
 
 def test_the_table_tells_all(played, capsys: pytest.CaptureFixture[str]) -> None:
     """Print every engine, its errors, marks and remarks."""
-    show(played(refuse="dart"), Console(width=120, force_terminal=False))
+    print_parts(report(played(refuse="dart")), Console(width=120, force_terminal=False))
     text = capsys.readouterr().out
     assert "mujoco*" in text
     assert "skipped: dart recommended fall: cannot" in text

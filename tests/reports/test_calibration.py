@@ -37,10 +37,11 @@ from touchstone.reports.studies.calibration.study import (
     failure_lines,
     findings,
     grids,
-    report,
+    page,
     run,
     tasks,
 )
+from touchstone.reports.views.render import print_parts
 
 TINY = Requested(
     pairs=("sphere-box", "box-box"),
@@ -282,7 +283,7 @@ def test_files_are_written(results) -> None:
     frame, folder = results
     pd.testing.assert_frame_equal(pd.read_parquet(folder / "results.parquet"), frame)
     assert (folder / "calibration.png").read_bytes().startswith(b"\x89PNG")
-    assert (folder / "report.md").read_text() == report(frame)
+    assert (folder / "report.md").read_text() == page(frame)
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["grid"]["speeds"] == list(TINY.speeds)
     assert manifest["engines"]["reference"]["version"]
@@ -317,11 +318,11 @@ def test_the_terminal_shows_asked_beside_achieved(results) -> None:
     """Print a row per column under the values asked for, and the reason of a skipped engine."""
     from rich.console import Console
 
-    from touchstone.reports.studies.calibration.study import show
+    from touchstone.reports.studies.calibration.study import report
 
     frame = results[0]
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    show(frame, console)
+    print_parts(report(frame), console)
     text = console.export_text()
     assert "reference balanced 1/60 s" in text
     assert "asked" in text
@@ -330,10 +331,10 @@ def test_the_terminal_shows_asked_beside_achieved(results) -> None:
     for note in NOTES:
         assert note in text
     restitution, friction, slow, drops = grids(frame)
-    assert slow.heads[1:] == ["bounce 0.1", "slide 0.001", "slide bias"]
+    assert slow.heads[1:] == ["bounce\n0.1", "slide\n0.001", "slide\nbias"]
     assert slow.rows[0][1:] == ["-", "1.000", "0.000"]
-    assert restitution.heads[1:3] == ["asked 0", "asked 0.5"]
-    assert friction.heads[1:3] == ["sphere 0°", "sphere 45°"]
+    assert restitution.heads[1:3] == ["asked\n0", "asked\n0.5"]
+    assert friction.heads[1:3] == ["sphere\n0°", "sphere\n45°"]
     assert friction.rows[0][1:5] == ["1.000"] * 4
     assert drops.rows[0][1] == "1.000 (1.000 to 1.000)"
 
@@ -344,7 +345,7 @@ def test_findings_need_their_numbers(results) -> None:
     assert [line.partition(":")[0] for line in found] == ["reference"]
     lowest = Values(results[0]).lowest("reference")
     assert f"bounces from {lowest:.3f} m/s" in found[0]
-    assert all(f"- {line}." in report(results[0]) for line in found)
+    assert all(f"- {line}\n" in page(results[0]) for line in found)
 
 
 def test_motion_is_the_recordings() -> None:

@@ -14,6 +14,7 @@ from touchstone.adapters.workers.variants import Pace, Variant, play
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies import effects
 from touchstone.reports.studies.effects import ALL, IDENTICAL, MATTERS, WITHIN
+from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
 
@@ -121,5 +122,5 @@ def test_the_study_as_a_whole(tmp_path: Path) -> None:
     marks = [effects.mark(rows, "bounce_e05", effect) for effect in ("gravity", "restitution", "attraction")]
     assert marks == ["M", "M", "."]
     with (tmp_path / "table.txt").open("w") as file:
-        effects.show(frame, Console(file=file, width=112))
+        print_parts(effects.report(frame), Console(file=file, width=112))
     assert "identical" in (tmp_path / "table.txt").read_text()

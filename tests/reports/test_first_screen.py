@@ -10,7 +10,8 @@ import pytest
 
 from touchstone.reports.results import Row, table
 from touchstone.reports.views import first_screen
-from touchstone.reports.views.terminal import SCENES_IN_FULL, FittingConsole
+from touchstone.reports.views.render import FittingConsole, print_parts
+from touchstone.reports.views.terminal import SCENES_IN_FULL
 
 COLUMNS = (("reference", "balanced", 1 / 60), ("dart", "recommended", 1 / 1020))
 
@@ -37,7 +38,9 @@ def played(scene, overlap=2e-5, verdict="pass", **more):
 def printed(rows, width=100):
     """The lines of the first screen."""
     text = StringIO()
-    first_screen.show(table(rows), FittingConsole(file=text, width=width), Path("runs/one"))
+    print_parts(
+        first_screen.first_screen(table(rows), Path("runs/one")), FittingConsole(file=text, width=width)
+    )
     return [line.rstrip() for line in text.getvalue().splitlines()]
 
 

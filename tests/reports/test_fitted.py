@@ -9,7 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from touchstone.reports.results import Row, table
-from touchstone.reports.views.terminal import NARROW, FittingConsole, console, show
+from touchstone.reports.views.render import NARROW, FittingConsole, console, print_parts
+from touchstone.reports.views.terminal import report
 
 COLUMNS = [("reference", "balanced"), ("reference", "paper")]
 COLUMNS += [
@@ -56,7 +57,7 @@ def test_a_run_with_eight_columns_fits_80():
         for k, column in enumerate(COLUMNS)
         for name in ("deficit", "creep")
     ]
-    text = _printed(80, lambda out: show(table(rows), out))
+    text = _printed(80, lambda out: print_parts(report(table(rows)), out))
     assert max(map(len, text.splitlines())) <= 80
     assert "…" not in text
     assert all(f"{1234.5 + k:.0f}" in text for k in range(1, len(COLUMNS)))

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from touchstone.reports.views.frame_budget import HEADS, budget_rows, budgets
-from touchstone.reports.views.frame_budget_picture import write_picture
-from touchstone.reports.views.terminal import console, show_budget
+from touchstone.reports.views.frame_budget import HEADS, budget_part, write_picture
+from touchstone.reports.views.render import console, print_parts
+from touchstone.reports.views.terminal import budget_parts
 from touchstone.scenarios.catalogue import tagged
 
 
@@ -43,7 +43,7 @@ def played(lab, recordings):
 
 def test_figures_are_those_of_the_recordings(played):
     """The cheaper scene first; shares of all stages, means over frames that have any, and peaks."""
-    rows = budget_rows(budgets(played))
+    rows = budget_part(played).rows
     assert "reach, paper" in [row[0] for row in rows]
     first, second = (row for row in rows if "," not in row[0])
     assert first == ["bare", "5.00", "5.00", "0 %", "0 %", "", "", "", "", "", ""]
@@ -64,11 +64,14 @@ def test_the_picture_is_drawn_where_there_is_something_to_draw(played, tmp_path)
 
 def test_the_table_is_printed_for_several_scenes(played, capsys):
     """Print a line a scene; nothing for a single one, whose own table says as much."""
-    show_budget(played, console())
+    print_parts(budget_parts(played), console())
     out = capsys.readouterr().out
     assert "frame budget" in out
     assert out.index("bare") < out.index("reach")
-    show_budget({("reach", "reference", "balanced"): played["reach", "reference", "balanced"]}, console())
+    print_parts(
+        budget_parts({("reach", "reference", "balanced"): played["reach", "reference", "balanced"]}),
+        console(),
+    )
     assert capsys.readouterr().out == ""
 
 
@@ -84,7 +87,9 @@ def test_names_are_whole_on_a_terminal_of_80_columns(recordings, lab):
         work=np.tile([123.0, 27.0, 12.0], (4, 1)),
     )
     out = Console(width=80, record=True, file=io.StringIO())
-    show_budget({(scene.name, "reference", "balanced"): costly for scene in tagged("gallery")}, out)
+    print_parts(
+        budget_parts({(scene.name, "reference", "balanced"): costly for scene in tagged("gallery")}), out
+    )
     reported = out.export_text()
     assert "…" not in reported
     assert all(scene.name in reported for scene in tagged("gallery"))

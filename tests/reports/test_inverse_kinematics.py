@@ -18,10 +18,11 @@ from touchstone.reports.studies.inverse_kinematics import (
     STARTS,
     Arm,
     draw,
+    report,
     rows,
     run,
-    show,
 )
+from touchstone.reports.views.render import print_parts
 
 GOALS = 40
 MEASURES = [("ik.missed", ""), ("ik.left", "max"), ("time.solve", "")]
@@ -92,7 +93,7 @@ def test_files_and_table_are_complete(tmp_path: Path) -> None:
     }
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "ik" / "results.parquet"), frame)
     console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
-    show(frame, console)
+    print_parts(report(frame), console)
     lines = [line.strip() for line in console.export_text().splitlines()]
     for start in STARTS:
         for engine, profile in SOLVERS:

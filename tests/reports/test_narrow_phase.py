@@ -18,6 +18,7 @@ from touchstone.reports.studies.narrow_phase.study import (
     run,
     truth_of,
 )
+from touchstone.reports.views.render import print_parts
 
 PAIRS = 3 * len(FAMILIES)
 OTHER, ABSENT = "coal", "absent"
@@ -99,10 +100,10 @@ def test_the_terminal_shows_every_detector(results) -> None:
     """Print a row per detector and the reason of a skipped one."""
     from rich.console import Console
 
-    from touchstone.reports.studies.narrow_phase.study import show
+    from touchstone.reports.studies.narrow_phase.study import report
 
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    show(results[0], console)
+    print_parts(report(results[0]), console)
     text = console.export_text()
     for name in (REFERENCE, OTHER, *FAMILIES):
         assert f"{name} " in text

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from io import StringIO
 from math import nan
+from typing import NamedTuple
 
 from rich.console import Console
 
 from touchstone.reports.results import Row, table
-from touchstone.reports.views.overview import TOTALS, overview
+from touchstone.reports.views.render import print_parts
 from touchstone.reports.views.tables import MARKS
-from touchstone.reports.views.terminal import SCENES_IN_FULL, show
+from touchstone.reports.views.terminal import SCENES_IN_FULL, TOTALS, overview, report
 
 COLUMNS = (("reference", "balanced", 1 / 60), ("dart", "recommended", 1 / 1020))
 
@@ -20,9 +21,35 @@ def row(scene, k, metric, value=nan, **more):
     return Row("run", scene, *COLUMNS[k], metric, value, more.pop("unit", "1"), **more)
 
 
+class Scene(NamedTuple):
+    """A scene, its limits met per column, and metric -> unit and values."""
+
+    name: str
+    outcome: list[str]
+    rows: dict[str, list[str]]
+
+
+class Seen(NamedTuple):
+    """An overview."""
+
+    heads: list[tuple[str, ...]]
+    scenes: list[Scene]
+    totals: dict[str, list[int]]
+    remarks: list[str]
+
+
 def seen(*rows, shown=()):
-    """The overview of rows."""
-    return overview(table(rows), shown)
+    """The overview of rows: heads of columns, scenes with their outcome and rows, totals, remarks."""
+    figures, totals = overview(table(rows), shown)
+    scenes: list[Scene] = []
+    for line in ([str(cell) for cell in row] for row in figures.rows if row):
+        if line[0].startswith(" "):
+            scenes[-1].rows[line[0].strip()] = line[1:]
+        else:
+            scenes.append(Scene(line[0], line[2:], {}))
+    heads = [tuple(head.split("\n")) for head in figures.heads[2:]]
+    counts = {name: list(map(int, line)) for name, *line in totals.rows}
+    return Seen(heads, scenes, counts, totals.lines)
 
 
 def test_limits_are_counted_per_scene_and_column():
@@ -37,12 +64,12 @@ def test_limits_are_counted_per_scene_and_column():
         row("roll", 0, "energy.gain", 0.0, verdict="known", reason="known"),
         row("roll", 1, "run", verdict="error", reason="died"),
     )
-    assert found.heads == [("reference", "balanced", "1/60"), ("dart", "recommended", "1/1020")]
-    fall, roll = found.sections
-    assert (fall.scenario, roll.scenario) == ("fall", "roll")
-    assert [cell.marked for cell in fall.outcome] == ["2 of 2", f"1 of 2{MARKS['known']}"]
-    assert [cell.marked for cell in roll.outcome] == [f"0 of 2{MARKS['fail']}", f"error{MARKS['error']}"]
-    assert [dict(zip(TOTALS, counts)) for _, counts in found.totals] == [
+    assert found.heads == [("reference", "balanced", "1/60 s"), ("dart", "recommended", "1/1020 s")]
+    fall, roll = found.scenes
+    assert (fall.name, roll.name) == ("fall", "roll")
+    assert fall.outcome == ["2 of 2", f"1 of 2{MARKS['known']}"]
+    assert roll.outcome == [f"0 of 2{MARKS['fail']}", f"error{MARKS['error']}"]
+    assert [dict(zip(TOTALS, counts)) for counts in found.totals.values()] == [
         dict.fromkeys(TOTALS, 0) | {"limits": 4, "met": 2, "known": 1, "causes": 1, "broken": 1},
         dict.fromkeys(TOTALS, 0) | {"limits": 2, "met": 1, "known": 1, "causes": 1, "errors": 1},
     ]
@@ -61,8 +88,8 @@ def test_every_column_has_the_same_limits():
         row("fall", 1, "joint.limit", verdict="skipped", reason="the scene has no joints"),
         row("fall", 1, "overlap.max", verdict="unjudged", reason="no coal"),
     )
-    assert [cell.text for cell in found.sections[0].outcome] == ["3 of 5 (1)", "1 of 5 (3)"]
-    ours, theirs = (dict(zip(TOTALS, counts)) for _, counts in found.totals)
+    assert found.scenes[0].outcome == [f"3 of 5 (1){MARKS['fail']}", f"1 of 5 (3){MARKS['unjudged']}"]
+    ours, theirs = (dict(zip(TOTALS, counts)) for counts in found.totals.values())
     assert (ours["limits"], ours["met"], ours["by construction"], ours["broken"]) == (5, 3, 1, 1)
     assert (theirs["limits"], theirs["met"], theirs["unjudged"], theirs["not applicable"]) == (5, 1, 1, 3)
     assert found.remarks[-3:] == [
@@ -79,7 +106,7 @@ def test_one_cause_counts_once():
         row("a", 1, name, 1.0, verdict="known", reason="of x; it is soft", reproduce=f"touchstone run {name}")
         for name in names
     ]
-    counts = dict(zip(TOTALS, dict(seen(*rows).totals)["dart recommended"]))
+    counts = dict(zip(TOTALS, seen(*rows).totals["dart recommended"]))
     assert (counts["known"], counts["causes"]) == (6, 1)
 
 
@@ -96,10 +123,11 @@ def test_only_what_stands_out_has_a_row():
         row("slide", 1, "friction.stop", 0.03, subject="a", verdict="pass"),
         row("slide", 1, "friction.stop", -0.04, subject="b", verdict="pass"),
     )
-    (section,) = found.sections
-    rows = {metric: [cell.marked for cell in cells] for metric, _, cells in section.rows}
-    assert rows == {"overlap.max": ["0.00200", "-"], "friction.stop": [f"-0.200{MARKS['fail']}", "-0.0400"]}
-    assert [unit for _, unit, _ in section.rows] == ["mm", "1"]
+    (scene,) = found.scenes
+    assert scene.rows == {
+        "overlap.max": ["mm", "0.00200", "-"],
+        "friction.stop": ["", f"-0.200{MARKS['fail']}", "-0.0400"],
+    }
 
 
 def test_each_reason_is_told_once():
@@ -117,7 +145,7 @@ def test_each_reason_is_told_once():
         "skipped: dart recommended: dart: no such shape: c",
         "does not apply, 2 times: not among the rows of this run: overlap.max, energy.gain",
     ]
-    counts = dict(zip(TOTALS, dict(found.totals)["dart recommended"]))
+    counts = dict(zip(TOTALS, found.totals["dart recommended"]))
     assert (counts["known"], counts["causes"], counts["not run"]) == (2, 1, 1)
 
 
@@ -134,7 +162,7 @@ def test_ratios_are_told_in_one_line():
         "ratio.time, one run: the reference takes 0.125 (b) to 0.500 (a) of the fastest engine's mean frame "
         "with contact"
     ]
-    assert [section.outcome[0].text for section in found.sections] == ["1 of 1"] * 3
+    assert [scene.outcome[0] for scene in found.scenes] == ["1 of 1"] * 3
 
 
 def test_hidden_columns_are_left_out():
@@ -153,7 +181,7 @@ def test_many_scenes_are_shown_at_a_glance():
     for count in (SCENES_IN_FULL, SCENES_IN_FULL + 1):
         rows = [row(f"scene_{k}", 0, "truth.position", 0.5, verdict="pass") for k in range(count)]
         text = StringIO()
-        show(table(rows), Console(file=text, width=112))
+        print_parts(report(table(rows)), Console(file=text, width=112))
         assert ("1 of 1" in text.getvalue()) == (count > SCENES_IN_FULL)
         assert text.getvalue().count("truth.position") == count
         assert text.getvalue().count("metric") == (0 if count > SCENES_IN_FULL else count)

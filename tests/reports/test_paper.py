@@ -24,7 +24,8 @@ from touchstone.reports.studies.paper.claims import (
     runs,
     thirds,
 )
-from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, run, show
+from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, report, run
+from touchstone.reports.views.render import print_parts
 
 RATE, COUNT = 60, 480
 FREE, HIGH = 4e-6, 8e-6
@@ -173,7 +174,7 @@ def test_a_run_judges_every_claim(tmp_path) -> None:
     for name in ("hand", "self-collision", "wall"):
         assert sure[name] == REPRODUCED
     console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
-    show(frame, console)
+    print_parts(report(frame), console)
     text = console.export_text()
     assert all(scene in text for scene in claims.SCENES)
     assert "of 20 claims are reproduced" in text
@@ -196,7 +197,7 @@ def test_scenes_that_fail_are_told(tmp_path) -> None:
     assert set(frame[frame.metric == "run"].verdict) == {"error"}
     assert set(frame[frame.metric == CLAIM].verdict) == {"skipped"}
     console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
-    show(frame, console)
+    print_parts(report(frame), console)
     assert "error: reference paper, effects=all table_slide: reference: broken" in console.export_text()
 
 

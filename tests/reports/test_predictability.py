@@ -15,11 +15,12 @@ from touchstone.reports.studies.predictability import (
     SIZES,
     amplifications,
     directions,
+    report,
     run,
-    show,
     touching,
 )
 from touchstone.reports.studies.tasks import Task, refusable
+from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form_ends import final_positions
 
@@ -74,7 +75,7 @@ def test_an_engine_that_cannot_is_skipped(played, capsys):
     frame = played(refuse="dart")
     row = frame[frame.engine == "dart"]
     assert (list(row.verdict), list(row.reason)) == (["skipped"], ["cannot"])
-    show(frame, Console(width=120, force_terminal=False))
+    print_parts(report(frame), Console(width=120, force_terminal=False))
     text = capsys.readouterr().out
     assert "40.0 (40.0 to 40.0)" in text
     assert "skipped: dart recommended fall: cannot" in text

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from touchstone.reports.metrics.context import NotMeasured
-from touchstone.reports.page.content import Content
+from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import page
 from touchstone.reports.results import Row, table
 from touchstone.reports.run.request import Request, Results
 from touchstone.reports.views.markdown import report
-from touchstone.reports.views.published import NOTE, TITLE, digits, published_table
-from touchstone.reports.views.terminal import FittingConsole, show_published
+from touchstone.reports.views.published import TITLE, digits, published_part
+from touchstone.reports.views.render import FittingConsole, print_parts
 from touchstone.scenarios.catalogue import catalogue
 
 SLIP = catalogue()["slip"]
@@ -75,7 +75,8 @@ def test_what_is_not_measured(recordings, known):
 
 def test_the_table():
     """A line per value with its source's number; a column per engine, in its first profile, with marks."""
-    heads, lines, sources = published_table(table(rows("reference", "dart")), [catalogue()["fall"], SLIP])
+    found = published_part(table(rows("reference", "dart")), [catalogue()["fall"], SLIP])
+    heads, lines, (_, *sources) = found.heads, found.rows, found.notes
     assert heads == ["scene", "value", "unit", "published", "±", "drake", "reference", "dart"]
     assert lines[0] == ["slip", "0° speed [1]", "m/s", "1.429", "0.014", "missing", "1.429", "1.457 ✗"]
     assert [line[-1] for line in lines] == ["1.457 ✗", "1.457 ✗", "skipped"]
@@ -84,21 +85,21 @@ def test_the_table():
 
 def test_nothing_where_nothing_was_measured():
     """Runs of other metrics, and of scenes without published values, have no table."""
-    assert published_table(table(rows()), [SLIP]) == ([], [], [])
-    assert published_table(table(rows("dart")), [catalogue()["fall"]])[1] == []
+    assert not published_part(table(rows()), [SLIP]).rows
+    assert not published_part(table(rows("dart")), [catalogue()["fall"]]).rows
     text = io.StringIO()
-    show_published(table(rows()), [SLIP], FittingConsole(file=text, width=112))
+    print_parts([published_part(table(rows()), [SLIP])], FittingConsole(file=text, width=112))
     assert text.getvalue() == ""
 
 
 def test_terminal_report_and_page():
     """All three have the table, the note and the sources in full."""
     text, frame = io.StringIO(), table(rows("reference", "dart"))
-    show_published(frame, [SLIP], FittingConsole(file=text, width=112))
+    print_parts([published_part(frame, [SLIP])], FittingConsole(file=text, width=112))
     request = Request((SLIP,), (("reference", "balanced"), ("dart", "recommended")), Path("runs/one"))
     markdown = report(request, Results(frame))
-    heads, lines, sources = published_table(frame, [SLIP])
-    html = page(Content("t", "good", "v", frame, published=([heads, *lines], [NOTE, *sources])))
+    found = published_part(frame, [SLIP])
+    html = page(Content("t", "good", "v", frame, published=found))
     for shown in (text.getvalue(), markdown, html):
         assert TITLE in shown
         assert "1.457 ✗" in shown

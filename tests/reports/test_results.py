@@ -8,7 +8,8 @@ from math import isnan
 import pandas as pd
 import pytest
 
-from touchstone.reports.results import COLUMNS, Row, is_undecided, save, table, write_beside
+from touchstone.reports.results import COLUMNS, Row, illustrate, is_undecided, save, table, write_beside
+from touchstone.reports.studies.calibration import study
 
 ROW = Row(
     "run", "scene", "mujoco", "recommended", 1 / 540, "overlap.max", 1 / 3, "m", "a, b", reason='so "so"\n'
@@ -77,3 +78,42 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path):
 def test_an_interval_that_includes_the_limit_decides_nothing(metric, low, value, undecided):
     """Of ratios of times, those beyond a limit that their interval includes get no verdict."""
     assert is_undecided(Row("run", "scene", "reference", "", 1.0, metric, value, low=low), 0.75) == undecided
+
+
+def test_a_failing_picture_is_named_and_leaves_no_file(tmp_path, capsys):
+    """One line names the file and the reason; nothing half-written stays."""
+
+    def draw(path):
+        path.write_text("half")
+        raise ValueError("no data\nand more")
+
+    illustrate(tmp_path / "a.png", draw)
+    assert capsys.readouterr().err == "touchstone: a.png is not written: ValueError: no data\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interruption_is_not_swallowed(tmp_path):
+    """Ctrl-C during a picture ends the program."""
+
+    def draw(path):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        illustrate(tmp_path / "a.png", draw)
+
+
+def test_a_study_keeps_its_rows_without_a_picture(tmp_path, monkeypatch, capsys):
+    """Rows and manifest of a study are saved although its page and its picture fail."""
+
+    def broken(*_):
+        raise RuntimeError("no fonts")
+
+    monkeypatch.setattr(study, "report", broken)
+    monkeypatch.setattr(study, "requested_and_achieved", broken)
+    study.run((), tmp_path / "out", lambda label, steps: None)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir() if path.is_file()) == [
+        "manifest.json",
+        "results.csv",
+        "results.parquet",
+    ]
+    assert capsys.readouterr().err.count("is not written: RuntimeError: no fonts") == 2

@@ -19,15 +19,16 @@ from touchstone.reports.studies.robustness.play import SeededTask, assess
 from touchstone.reports.studies.robustness.study import (
     ALL,
     line,
+    report,
     rise_over_residual,
     run,
     short,
-    show,
     table_of_runs,
     tasks,
 )
 from touchstone.reports.verdict.figures import available_energy
-from touchstone.reports.verdict.random_outcomes import EXACT, lowest_points
+from touchstone.reports.verdict.outcomes import EXACT, lowest_points
+from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball, block, slab
@@ -174,7 +175,7 @@ def test_what_is_shown(fakes, capsys):
     asked = [SeededTask("reference", SETTINGS, TOWER)] * 2
     found = [assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("explodes", "rests")]
     rows = [study.judged(row, ()) for row in study.rows_of_runs(list(zip(asked, found)))]
-    show(table(rows), Console(width=120, force_terminal=False))
+    print_parts(report(table(rows)), Console(width=120, force_terminal=False))
     text = capsys.readouterr().out
     assert "robustness: reference, balanced" in text
     assert "limit broken: reference balanced: robustness.exploded" in text

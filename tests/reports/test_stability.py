@@ -27,14 +27,15 @@ from touchstone.reports.studies.stability.study import (
     STEP,
     Envelope,
     envelope_picture,
+    report,
     rows_of_envelope,
-    show,
     shown_columns,
     step_picture,
     table_of_cells,
 )
 from touchstone.reports.studies.tasks import own_step
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, Outcome
+from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.difficulty.family import families, hard_names, hard_scene
 
 COLUMNS = (("reference", "balanced"), ("bullet", "recommended"))
@@ -126,7 +127,7 @@ def test_a_family_without_a_simulated_body_is_marked():
     }
     assert marked == {("reference", "coupling")}
     out = Console(width=140, record=True)
-    show(table(rows), out)
+    print_parts(report(table(rows)), out)
     assert "all =" in out.export_text()
 
 
@@ -137,7 +138,7 @@ def test_tables_and_pictures_show_every_class(tmp_path):
     frame = table(rows_of_envelope(found))
     assert set(frame.metric) == {OUTCOME, LEVELS, STEP, CONTAINED}
     out = Console(width=140, record=True)
-    show(frame, out)
+    print_parts(report(frame), out)
     text = out.export_text()
     assert "4 x" in text
     assert "touchstone run hard_tiles_16 --engine reference" in text

@@ -60,9 +60,8 @@ def versions(
     from touchstone.adapters.workers.environment import installed_version
     from touchstone.reports.changes import FAILING
     from touchstone.reports.output_folder import OutputError, output_folder
-    from touchstone.reports.run.cost import TooLargeError, check_memory, limited
-    from touchstone.reports.run.request import Request
-    from touchstone.reports.versions.study import Compared, compare, environments
+    from touchstone.reports.run.request import Request, TooLargeError, check_memory, limited
+    from touchstone.reports.versions import Compared, compare, environments
 
     if not engine:
         stop("--engine: name the engine, such as --engine mujoco", BAD_INPUT)
@@ -104,10 +103,10 @@ def versions(
     if len(folders) < 2:
         stop(f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", ENGINE_MISSING)
     if not printed(found.frame, output) and not quiet:
-        from touchstone.reports.versions.table import show
-        from touchstone.reports.views.terminal import console
+        from touchstone.reports.versions import report
+        from touchstone.reports.views.render import console, print_parts
 
-        show(found, console())
+        print_parts(report(found), console())
         print(f"results: {folder}")
     worse = found.figures[found.figures.kind.isin(FAILING)]
     if quiet:

@@ -77,7 +77,7 @@ def tracker_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
 
 def limits_for(path: Path | None, scenarios: Iterable[Scenario]) -> tuple[Limit, ...]:
     """Limits of a file; an invalid one, or a scene's limit on an unknown metric, exits with its line."""
-    from touchstone.reports.verdict.own_limits import check_limits, limits_of_file
+    from touchstone.reports.verdict.limits import check_limits, limits_of_file
     from touchstone.scenarios.files.read import SceneFileError
 
     try:
@@ -91,7 +91,7 @@ def metrics_for(patterns: Iterable[str]) -> tuple[str, ...]:
     """Metrics of names and patterns such as `friction.*`; one that fits none exits with one line."""
     from fnmatch import fnmatchcase
 
-    from touchstone.reports.verdict.own_limits import valid_metrics
+    from touchstone.reports.verdict.limits import valid_metrics
 
     valid = valid_metrics()
     found: dict[str, None] = {}

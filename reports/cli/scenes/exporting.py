@@ -9,8 +9,25 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, require_new, stop, write_file
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    PrintedOutOption,
+    output_to,
+    require_new,
+    stop,
+    write_file,
+)
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
+
+
+def schema(out: PrintedOutOption = None) -> None:
+    """Print the JSON Schema of scene files, for editors and validators."""
+    import json
+
+    from touchstone.scenarios.files.schema import json_schema
+
+    with output_to(out):
+        print(json.dumps(json_schema(), indent=1))
 
 
 class ExportFormat(StrEnum):
@@ -95,8 +112,7 @@ def export(
 def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Path | None) -> None:
     """Write a recording; what is none, and formats of scenes, exit with one line."""
     from touchstone.adapters.recording import RecordingError, load, scene_of_text
-    from touchstone.reports.exports.glb import glb
-    from touchstone.reports.exports.tables import TABLES
+    from touchstone.reports.exports import TABLES, glb
 
     valid = ", ".join(OF_RECORDINGS)
     if form not in OF_RECORDINGS:

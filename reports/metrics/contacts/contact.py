@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
-from touchstone.reports.metrics.motion.ballistic_arcs import OPEN_GAP, Bounce, Gap, bounces, gap_of
+from touchstone.reports.metrics.motion.events import OPEN_GAP, Bounce, Gap, bounces, gap_of
 from touchstone.scenarios.scenario import ORIGIN, TRACKED, Body, Sphere
 
 Mask = NDArray[np.bool_]

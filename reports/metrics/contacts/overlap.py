@@ -7,7 +7,7 @@ import numpy as np
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
-from touchstone.reports.metrics.tracked import Mask, pressed
+from touchstone.reports.metrics.posture import Mask, pressed
 from touchstone.scenarios.scenario import UNMOVED
 
 REST_SPEED = 1e-2

@@ -1,15 +1,21 @@
-"""Errors against the closed form, in scenes that have one; each is that of the worst body."""
+"""Distance of the motion from what is known of it: closed forms, published values, symmetry, the law of
+impact, free flight."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.metrics.context import Context, NotMeasured, Values, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
+from touchstone.reports.metrics.motion.events import bounces
+from touchstone.scenarios.closed_form import flips
+from touchstone.scenarios.scenario import Arc
 from touchstone.scenarios.truths.body_motion import Motion
+from touchstone.scenarios.truths.impact_laws import outcomes
 
 
 def truth_position(context: Context) -> Values:
@@ -70,3 +76,144 @@ def _largest(context: Context, quantity: Callable[[Motion], Array], does: str) -
 
 def _name(context: Context, body: int) -> str:
     return context.scenario.bodies[body].name
+
+
+def published_error(context: Context) -> Values:
+    """Difference of a measured from a published value, over the published tolerance [1]."""
+    scenario, recording = context.scenario, context.recording
+    if not scenario.published:
+        raise NotMeasured("the scene states no published value")
+    if recording.time[-1] < max(one.end for one in scenario.published) - context.frame / 2:
+        raise NotMeasured("the end was not played")
+
+    def motion(name: str) -> Motion:
+        k = scenario.body_index(name)
+        return Motion(
+            context.mass_centers[:, k],
+            recording.linear_velocity[:, k],
+            recording.orientation[:, k],
+            recording.angular_velocity[:, k],
+        )
+
+    found = {}
+    for one in scenario.published:
+        value = one.measured(recording.time, motion(one.body), motion(one.other) if one.other else None)
+        text = f"{value:.6g} of {one.value:.6g} {one.unit}"
+        found[one.name] = Value((value - one.value) / one.tolerance, text)
+    return found
+
+
+SAME_PLACE = 1e-9
+"""Distance within which a body starts at the mirror image of another's place [m]: rounding."""
+MIRROR = np.array([-1.0, 1.0, 1.0])
+"""Reflection x -> -x."""
+
+
+def symmetry_mirror(context: Context) -> Values:
+    """Largest difference of a body's velocity from the mirror image of its partner's [m/s]; truth 0.
+
+    In scenes tagged `symmetric`, whose mirror plane is x = 0. A body's partner starts at the mirror image of
+    its place; on the mirror plane it is the body itself.
+    """
+    return _farthest(context, context.recording.linear_velocity)
+
+
+def symmetry_offset(context: Context) -> Values:
+    """Largest distance of a body's mass centre from the mirror image of its partner's [m]; truth 0.
+
+    In the scenes of `symmetry_mirror`. A body off the mirror plane is twice as far from its own image.
+    """
+    return _farthest(context, context.mass_centers)
+
+
+def _farthest(context: Context, vectors: Array) -> Values:
+    """Largest difference of a body's vector (f, n, 3) from the mirror image of its partner's."""
+    if "symmetric" not in context.scenario.tags:
+        raise NotMeasured("not tagged symmetric: the scene is not its own mirror image")
+    bodies, names = context.simulated, [body.name for body in context.scenario.bodies]
+    start = context.mass_centers[0, bodies]
+    apart = np.linalg.norm(start[:, None] * MIRROR - start, axis=2)
+    partner, nearest = apart.argmin(axis=1), apart.min(axis=1)
+    if nearest.max() > SAME_PLACE:
+        raise NotMeasured(f"{names[bodies[int(nearest.argmax())]]} has no mirror image at the start")
+    own = vectors[:, bodies]
+    error = np.linalg.norm(own[:, partner] - own * MIRROR, axis=2).max(axis=0)
+    return worst({names[body]: float(error[k]) for k, body in enumerate(bodies)})
+
+
+SETTLED = 0.05
+"""Time after an impact at which soft contacts have ended, 40 ms at most [s]."""
+
+
+def impact_law(context: Context) -> Values:
+    """Largest difference of a body's velocity after an impact from that by a law, over the speed before [1].
+
+    The subjects are the laws of `scenarios/truths/impact_laws.py`; an engine follows the nearest.
+    """
+    try:
+        time, laws = outcomes(context.scenario)
+    except ValueError as error:
+        raise NotMeasured(str(error)) from error
+    r = context.recording
+    frame = int(np.flatnonzero(r.time >= time + SETTLED - 1e-9)[0])
+    found = r.linear_velocity[frame, context.simulated]
+    speed = np.linalg.norm(r.linear_velocity[0, context.simulated], axis=1).max()
+    if len(context.simulated) == 1:
+        (body,) = context.simulated
+        half = max(context.scenario.bodies[body].pieces[0].shape.half_extents)  # type: ignore[union-attr]
+        found = np.array([found[0], r.angular_velocity[frame, body] * half])
+    return {
+        law: float(np.linalg.norm(found - velocity, axis=1).max() / speed) for law, velocity in laws.items()
+    }
+
+
+SHORTEST_ARC_FRAMES = 2.0
+"""Least length of an arc that surely has a displayed frame near its middle [frames]."""
+
+
+def bounce_height(context: Context) -> Values:
+    """Height of each bounce of two frames or more against the closed form [relative]; -1 if there is none."""
+    found = {}
+    for truth in context.scenario.truths:
+        body, g = context.scenario.body_index(truth.body), float(np.linalg.norm(context.gravity))
+        asked = _heights(truth.arcs, g, context.frame)
+        if not asked:
+            continue
+        fixed = next(k for k, kind in enumerate(context.kind) if kind == "fixed")
+        seen = bounces(context, (min(body, fixed), max(body, fixed)))
+        for k, height in enumerate(asked):
+            reached = seen[k].departure ** 2 / (2 * g) if k < len(seen) else 0.0
+            found[f"#{k + 1}"] = reached / height - 1
+    if not found:
+        raise NotMeasured("by the scene's truth nothing bounces")
+    return found
+
+
+def _heights(arcs: tuple[Arc, ...], g: float, frame: float) -> list[float]:
+    """Heights of the arcs that start upwards, against gravity, and last long enough [m]."""
+    speeds = [arc.velocity[2] for arc in arcs[1:] if arc.velocity[2] > 0 > arc.acceleration[2]]
+    return [speed**2 / (2 * g) for speed in speeds if 2 * speed / g >= SHORTEST_ARC_FRAMES * frame]
+
+
+def rotation_flip(context: Context) -> Values:
+    """Largest error of the times at which a free top flips [s]; a missed flip counts until the end."""
+    found = {}
+    for truth in context.scenario.truths:
+        if truth.law == "torque_free":
+            asked = flips(context.scenario, truth)
+            seen = _flips_seen(context, context.scenario.body_index(truth.body))
+            seen = np.append(seen, np.full(max(0, len(asked) - len(seen)), context.scenario.duration))
+            found[truth.body] = float(np.max(np.abs(seen[: len(asked)] - asked)))
+    if not found:
+        raise NotMeasured("the scene has no free top")
+    return found
+
+
+def _flips_seen(context: Context, body: int) -> np.ndarray:
+    """Times at which the rate about the middle axis is zero, between frames by Euler's equations."""
+    inertia = np.array(context.scenario.bodies[body].inertia)
+    moments, axes = np.linalg.eigh(inertia)
+    turned = Rotation.from_quat(context.recording.orientation[:, body], scalar_first=True)
+    w = turned.inv().apply(context.recording.angular_velocity[:, body]) @ axes
+    slope = (moments[2] - moments[0]) / moments[1] * w[:, 2] * w[:, 0] * np.linalg.det(axes)
+    return np.asarray(CubicHermiteSpline(context.recording.time, w[:, 1], slope).roots(extrapolate=False))

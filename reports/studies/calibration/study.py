@@ -7,16 +7,14 @@ motion. Adapters never read the results.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import isnan, nan
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter
-from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ACCURATE, DEFAULT, ENGINES, installed, load
@@ -35,12 +33,11 @@ from touchstone.reports.studies.calibration.probes import (
     measure,
 )
 from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
-from touchstone.reports.studies.charts import figure, headline, open_axes
-from touchstone.reports.studies.study import Column, failure_lines, kept, missing_rows, print_failures
+from touchstone.reports.studies.study import Column, failure_lines, failures, kept, missing_rows
 from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, PALE, color_of
-from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes
+from touchstone.reports.views.render import Part, markdown
 
 LADDER_PART = 26
 """Bodies of the ladder per scene: more would overflow an engine's log of contacts."""
@@ -126,14 +123,6 @@ NOTES = (
 )
 
 
-class TextTable(NamedTuple):
-    """A table as text; its first column is left-aligned."""
-
-    title: str
-    heads: list[str]
-    rows: list[list[str]]
-
-
 class Values:
     """The values of a calibration's rows, by (engine, profile, scenario, metric, subject)."""
 
@@ -186,13 +175,16 @@ def asked(subjects: Sequence[str], name: str) -> list[float]:
     return sorted({float(word.partition("=")[2]) for word in words if word.startswith(f"{name}=")})
 
 
-def grids(frame: pd.DataFrame) -> list[TextTable]:
+def grids(frame: pd.DataFrame) -> list[Part]:
     """Restitution, friction, both of slow bodies, and a fall under several steps."""
     values = Values(frame)
-    return [_restitution(values), _friction(values), _slow(values), _drops(frame)]
+    parts = (_restitution(values), _friction(values), _slow(values), _drops(frame))
+    return [
+        replace(one, heads=[head.replace(" ", "\n", 1) for head in one.heads], tight=True) for one in parts
+    ]
 
 
-def _restitution(values: Values) -> TextTable:
+def _restitution(values: Values) -> Part:
     pairs = [pair.partition("-")[0] for pair in SHAPES]
     biases = [f"{pair} bias" for pair in pairs]
     heads = ["", *(f"asked {e:g}" for e in values.restitutions), *biases, "lowest [m/s]"]
@@ -203,20 +195,20 @@ def _restitution(values: Values) -> TextTable:
         largest = [values(column, pair, "restitution.bias.max") for pair in SHAPES]
         lowest = values(column, "sphere-box", "restitution.lowest", "e=1")
         rows.append([_name(values, column), *map(_text, [*achieved, *largest, lowest])])
-    return TextTable("restitution, asked and achieved", heads, rows)
+    return Part("restitution, asked and achieved", heads, rows)
 
 
-def _friction(values: Values) -> TextTable:
+def _friction(values: Values) -> Part:
     pairs = [pair.partition("-")[0] for pair in SHAPES]
     heads = ["", *(f"{pair} {heading:g}°" for pair in pairs for heading in values.headings), "bias"]
     rows = []
     for column in values.columns:
         shares = [values.share(column, pair, heading) for pair in SHAPES for heading in values.headings]
         rows.append([_name(values, column), *map(_text, [*shares, values(column, ALL, "friction.bias.max")])])
-    return TextTable("friction, achieved over asked, per heading", heads, rows)
+    return Part("friction, achieved over asked, per heading", heads, rows)
 
 
-def _slow(values: Values) -> TextTable:
+def _slow(values: Values) -> Part:
     """What e = 1 returns per approach speed, and friction per speed of the slip."""
     speeds = [speed for speed in values.speeds if speed <= JUDGED_SPEED]
     heads = ["", *(f"bounce {v:g}" for v in speeds), *(f"slide {v:g}" for v in values.slips), "slide bias"]
@@ -233,10 +225,10 @@ def _slow(values: Values) -> TextTable:
             cells.append(float(np.mean(known)) if known else nan)
         cells.append(values(column, ALL, "friction.slow.max"))
         rows.append([_name(values, column), *map(_text, cells)])
-    return TextTable("slow bodies [m/s]: what e = 1 returns, friction achieved over asked", heads, rows)
+    return Part("slow bodies [m/s]: what e = 1 returns, friction achieved over asked", heads, rows)
 
 
-def _drops(frame: pd.DataFrame) -> TextTable:
+def _drops(frame: pd.DataFrame) -> Part:
     rows = rows_of(frame[frame.metric == "restitution.drop"])
     steps = sorted({row.dt for row in rows}, reverse=True)
     heads = ["", *(f"{step_text(dt)} s" for dt in steps)]
@@ -246,7 +238,7 @@ def _drops(frame: pd.DataFrame) -> TextTable:
             r.dt: f"{_text(r.value)} ({_text(r.low)} to {_text(r.high)})" for r in rows if r.engine == engine
         }
         lines.append([engine, *(cells.get(dt, "-") for dt in steps)])
-    return TextTable(
+    return Part(
         "e = 1 from a fall of half a metre, and its range over where within a step bodies land", heads, lines
     )
 
@@ -392,35 +384,24 @@ FINDINGS: tuple[Finding, ...] = (
 
 def write_report(frame: pd.DataFrame, path: Path) -> None:
     """Write the page."""
-    path.write_text(report(frame), "utf-8")
+    path.write_text(page(frame), "utf-8")
 
 
-def report(frame: pd.DataFrame) -> str:
+def report(frame: pd.DataFrame) -> list[Part]:
+    """All tables, their notes, and every finding, failure and broken limit."""
+    return [*grids(frame), Part(notes=NOTES, lines=["", *findings(frame)]), failures(frame)]
+
+
+def page(frame: pd.DataFrame) -> str:
     """The study as a page."""
-    parts = ["# touchstone study calibration", ""]
-    for grid in grids(frame):
-        rule = ["---", *["---:"] * (len(grid.heads) - 1)]
-        lines = ["| " + " | ".join(row) + " |" for row in (grid.heads, rule, *grid.rows)]
-        parts += [f"## {grid.title[0].upper()}{grid.title[1:]}", "", *lines, ""]
-    parts += [*(f"{note}." for note in NOTES), "", "![Asked and achieved](calibration.png)", ""]
-    parts += ["## Findings", "", *(f"- {line}." for line in findings(frame)), "", "## Remarks", ""]
-    parts += [f"- {line}" for line in failure_lines(frame)] or ["none"]
-    return "\n".join(parts) + "\n"
-
-
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print all tables, their notes, and every finding, failure and broken limit."""
-    for grid in grids(frame):
-        heads = [head.replace(" ", "\n", 1) for head in grid.heads]
-        table = table_of(grid.title, heads, padding=(0, 0))
-        for row in grid.rows:
-            table.add_row(*row)
-        out.print(table)
-    print_notes(NOTES, out)
-    out.print()
-    for line in findings(frame):
-        out.print(line, highlight=False)
-    print_failures(frame, out)
+    *tables, _, _ = report(frame)
+    remarks = Part("remarks", lines=failure_lines(frame), empty="none")
+    tail = (Part(notes=NOTES, picture="calibration.png"), Part("findings", lines=findings(frame)), remarks)
+    lines = [
+        "# touchstone study calibration",
+        *(line for part in (*tables, *tail) for line in markdown(part)),
+    ]
+    return "\n".join(lines) + "\n"
 
 
 SIDES = ((2**0.5, "√2"), (0.5**0.5, "1 / √2"))

@@ -18,7 +18,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
-from rich.console import Console
 from rich.text import Text
 
 from touchstone.adapters.registry import ACCURATE, ENGINES
@@ -27,16 +26,25 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import COLUMNS, Row, rows_of, table
 from touchstone.reports.run.request import REFERENCE, step_text
 from touchstone.reports.studies.agreement import require_truths, slope_of
-from touchstone.reports.studies.charts import figure, logarithmic, open_axes, panels, rows_for
 from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE
 from touchstone.reports.studies.study import kept
 from touchstone.reports.studies.tasks import own_profile, own_step
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.sweep.sweep import quietly, sweep
 from touchstone.reports.sweep.worker import DIVERGED
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.views.pictures import (
+    INK,
+    PALE,
+    color_of,
+    figure,
+    logarithmic,
+    marker_of,
+    open_axes,
+    panels,
+    rows_for,
+)
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
-from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import catalogue, tagged
 
 STUDY = "convergence"
@@ -181,28 +189,31 @@ UNCLEAR = 2.0
 """Half width of an order's interval above which no order is printed [1]."""
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one block per scene, the totals per engine, and what did not end."""
-    blocks = table_of("convergence: errors against truths at seven steps", HEADS, padding=(0, 1, 0, 0))
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One block per scene, the totals per engine, and what did not end."""
+    blocks: list[list[str | Text]] = []
     for scenario, scene in frame[frame.metric != "run"].groupby("scenario", sort=False):
-        blocks.add_section()
-        blocks.add_row(Text(str(scenario), "bold"))
+        blocks.append([str(scenario)])
         for order in rows_of(scene[scene.metric == ORDER]):
             lost = _lost(scene, order.engine)
-            blocks.add_row(*_cells(order, scene, lost), style="bold red" if len(lost) else "")
-    out.print(blocks)
-    totals = table_of("order and floor over all scenes", TOTALS, padding=(0, 1, 0, 0))
+            style = "bold red" if len(lost) else ""
+            blocks.append([Text(cell, style=style) for cell in _cells(order, scene, lost)])
+    totals = []
     for engine, profile in columns_of(ENGINES):
         mine = frame[(frame.engine == engine) & (frame.profile == profile)]
         if orders := rows_of(mine[mine.metric == ORDER]):
             lost = _lost(frame, engine)
-            totals.add_row(f"{engine} {profile}", *_totals(orders, mine[mine.metric == FLOOR], lost))
-    out.print(totals)
-    print_notes(NOTES, out)
+            totals.append([f"{engine} {profile}", *_totals(orders, mine[mine.metric == FLOOR], lost)])
+    lines = []
     for _, part in frame[frame.metric == "run"].groupby(["scenario", "engine", "reason"], sort=False):
         row, steps = rows_of(part)[0], " ".join(map(step_text, sorted(set(part.dt), reverse=True)))
         verdict = f"{row.verdict}: " if row.verdict else ""
-        out.print(f"{verdict}{row.scenario}: {row.reason} ({row.engine} at {steps} s)", highlight=False)
+        lines.append(f"{verdict}{row.scenario}: {row.reason} ({row.engine} at {steps} s)")
+    return [
+        Part("convergence: errors against truths at seven steps", HEADS, blocks),
+        Part("order and floor over all scenes", TOTALS, totals),
+        Part(notes=NOTES, lines=lines),
+    ]
 
 
 def _lost(frame: pd.DataFrame, engine: str) -> pd.DataFrame:

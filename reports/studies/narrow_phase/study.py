@@ -20,9 +20,6 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
-from rich.box import SIMPLE
-from rich.console import Console
-from rich.table import Table
 
 from touchstone.adapters.contract import Array, Unsupported
 from touchstone.adapters.detectors import DETECTORS, FAILURES, REFERENCE, THREW, UNCONVERGED, Failure, Pair
@@ -31,14 +28,21 @@ from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure, logarithmic, open_axes
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
 from touchstone.reports.studies.narrow_phase.poses import FAMILIES, corners, draw, size_of
 from touchstone.reports.studies.study import RefusedError, failure_lines, kept, with_interval
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, MARKERS, PALE, detector_color
+from touchstone.reports.views.pictures import (
+    INK,
+    MARKERS,
+    PALE,
+    detector_color,
+    figure,
+    logarithmic,
+    open_axes,
+)
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
-from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.files.pair_file import GivenPair
 
 STUDY = "narrow-phase"
@@ -269,22 +273,14 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one row per detector over all families, the best of each family, and every remark."""
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One row per detector over all families, the best of each family, and every remark."""
     if (frame.engine == TRUTH).any():
-        show_given(frame, out)
-        return
+        return report_given(frame)
     whole = frame[frame.scenario == "all"]
     title = "narrow-phase: all families against the explicit Minkowski difference"
-    table = table_of(title, HEADS, padding=(0, 0))
-    for name in dict.fromkeys(whole.engine):
-        table.add_row(name, *_cells(whole, name))
-    out.print(table)
-    print_notes(NOTES, out)
-    out.print()
-    out.print(_families(frame))
-    for line in remarks(frame):
-        out.print(line, highlight=False, style="red" if line.startswith(("fail", "error")) else "")
+    rows = [[name, *_cells(whole, name)] for name in dict.fromkeys(whole.engine)]
+    return [Part(title, HEADS, rows, NOTES, tight=True), _families(frame), Part(lines=remarks(frame))]
 
 
 def _cells(whole: pd.DataFrame, name: str) -> list[str]:
@@ -306,12 +302,14 @@ def _cells(whole: pd.DataFrame, name: str) -> list[str]:
     ]
 
 
-def _families(frame: pd.DataFrame) -> Table:
+def _families(frame: pd.DataFrame) -> Part:
     """Per family the detectors that are exact to rounding, and the fastest among those exact to FINE."""
-    table = Table(box=SIMPLE, padding=(0, 0), pad_edge=False)
-    table.add_column("family", no_wrap=True)
-    table.add_column(f"p95 of the depth error below {ROUNDING:.0e}")
-    table.add_column(f"fastest net, p95 below {FINE:.0e} [µs]", no_wrap=True)
+    heads = (
+        "family",
+        f"p95 of the depth error below {ROUNDING:.0e}",
+        f"fastest net, p95 below {FINE:.0e} [µs]",
+    )
+    rows = []
     for family in FAMILIES:
         part = frame[(frame.scenario == family) & frame.value.notna()]
         error = {row.engine: row.value for row in rows_of(part[part.metric == "depth.error.p95"])}
@@ -319,8 +317,8 @@ def _families(frame: pd.DataFrame) -> Table:
         times = [row for row in rows_of(part[part.metric == "time.net"]) if error.get(row.engine, 1.0) < FINE]
         best = min(times, key=lambda row: row.value, default=None)
         fastest = "-" if best is None else f"{best.engine} {exact_number(best.value * MICRO)}"
-        table.add_row(family, ", ".join(right) or "-", fastest)
-    return table
+        rows.append([family, ", ".join(right) or "-", fastest])
+    return Part("", heads, rows, last=2, tight=True)
 
 
 def remarks(frame: pd.DataFrame) -> list[str]:
@@ -561,26 +559,23 @@ GIVEN_NOTES = (
 )
 
 
-def show_given(frame: pd.DataFrame, out: Console) -> None:
-    """Print one row per detector, one line per pair, and why detectors did not take part."""
+def report_given(frame: pd.DataFrame) -> list[Part]:
+    """One row per detector, one line per pair, and why detectors did not take part."""
     rows = rows_of(frame)
     truths = {row.scenario: row for row in rows if row.engine == TRUTH}
     mine: dict[str, list[Row]] = {}
     for row in rows:
         if row.engine != TRUTH and row.metric != "run_given":
             mine.setdefault(row.engine, []).append(row)
-    table = table_of("narrow-phase: given pairs against the explicit Minkowski difference", GIVEN_HEADS)
-    for name, found in mine.items():
-        table.add_row(name, *_given_cells(found))
-    out.print(table)
+    title = "narrow-phase: given pairs against the explicit Minkowski difference"
+    table = Part(title, GIVEN_HEADS, [[name, *_given_cells(found)] for name, found in mine.items()])
+    lines = []
     for name, truth in truths.items():
         off = _off([row for row in rows if row.scenario == name and row.metric == ERROR])
         source = f" ({truth.reason})" if truth.reason else ""
-        out.print(f"{name}{source}: {truth.value:.6g} m: {off}", highlight=False, soft_wrap=True)
-    print_notes(GIVEN_NOTES, out)
-    for row in rows:
-        if row.metric == "run_given":
-            out.print(f"{row.verdict}: {row.engine}: {row.reason}", highlight=False)
+        lines.append(f"{name}{source}: {truth.value:.6g} m: {off}")
+    ended = [f"{row.verdict}: {row.engine}: {row.reason}" for row in rows if row.metric == "run_given"]
+    return [table, Part(lines=lines), Part(notes=GIVEN_NOTES, lines=ended)]
 
 
 def _given_cells(found: list[Row]) -> list[str]:

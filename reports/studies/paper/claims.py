@@ -19,7 +19,7 @@ from scipy.stats import spearmanr
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.metrics.tracked import tracked_depths
+from touchstone.reports.metrics.posture import tracked_depths
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.gallery import TABLE_HALF, TABLE_TOP
 from touchstone.scenarios.scenario import Scenario

@@ -16,9 +16,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
-from rich.box import SIMPLE
-from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings
@@ -28,7 +25,6 @@ from touchstone.adapters.registry import ENGINES, load
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.charts import figure
 from touchstone.reports.studies.paper.claims import (
     CLAIMS,
     COLLISION,
@@ -42,10 +38,10 @@ from touchstone.reports.studies.paper.claims import (
     Series,
     series_of,
 )
-from touchstone.reports.studies.study import kept, print_failures
-from touchstone.reports.views.pictures import INK, PALE
+from touchstone.reports.studies.study import failures, kept
+from touchstone.reports.views.pictures import INK, PALE, figure
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
-from touchstone.reports.views.terminal import print_notes, table_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
 
@@ -147,36 +143,33 @@ CLAIM_NOTE = "rests on: counts and poses repeat exactly, times do not; with the 
 VERDICT_STYLES = {REPRODUCED: "", NOT_REPRODUCED: "yellow"}
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print a line per scene, every claim with its evidence, and scenes that failed."""
-    scenes = table_of(
-        "paper: cost of a frame on the reference's profile `paper`", HEADS, padding=(0, 1, 0, 0)
-    )
+def report(frame: pd.DataFrame) -> list[Part]:
+    """A line per scene, every claim with its evidence, and scenes that failed."""
     values = {(row.scenario, row.metric, row.subject): row.value for row in rows_of(frame)}
-    for name in dict.fromkeys(frame[frame.metric == "paper.rate"].scenario):
-        scenes.add_row(name, *_cells({key[1:]: value for key, value in values.items() if key[0] == name}))
-    out.print(scenes)
-    print_notes(NOTES, out)
-    claims = Table(title="paper: what it claims", title_justify="left", box=SIMPLE, pad_edge=False, leading=1)
-    for head, width in (("claim", 32), ("measured", None), ("rests on", 13), ("verdict", 14)):
-        claims.add_column(head, width=width)
+    scenes = [
+        [name, *_cells({key[1:]: value for key, value in values.items() if key[0] == name})]
+        for name in dict.fromkeys(frame[frame.metric == "paper.rate"].scenario)
+    ]
+    claims: list[list[str | Text]] = []
     texts = {claim.name: claim for claim in CLAIMS}
     judged = rows_of(frame[frame.metric == CLAIM])
     for row in judged:
         claim, verdict = texts[row.subject], row.reason_code or row.verdict
         unit = "" if row.unit == "1" else f" {row.unit}"
         bound = f"{exact_number(row.value)} {claim.relation} {exact_number(row.limit)}{unit}"
-        claims.add_row(
-            Text.assemble(claim.text, " ", (f"({claim.place})", "dim")),
-            Text(row.reason),
-            Text.assemble(row.basis, "\n", (bound if row.reason_code else "", "dim")),
-            Text(verdict, style=VERDICT_STYLES.get(verdict, "dim")),
-        )
-    out.print(claims)
-    print_notes([CLAIM_NOTE], out)
+        text = Text.assemble(claim.text, " ", (f"({claim.place})", "dim"))
+        basis = Text.assemble(row.basis, "\n", (bound if row.reason_code else "", "dim"))
+        claims += [[text, row.reason, basis, Text(verdict, style=VERDICT_STYLES.get(verdict, "dim"))], []]
     count = sum(row.reason_code == REPRODUCED for row in judged)
-    out.print(f"{count} of {len(judged)} claims are reproduced", highlight=False)
-    print_failures(frame[frame.verdict == "error"], out)
+    heads, told = (
+        ("claim", "measured", "rests on", "verdict"),
+        f"{count} of {len(judged)} claims are reproduced",
+    )
+    return [
+        Part("paper: cost of a frame on the reference's profile `paper`", HEADS, scenes, NOTES),
+        Part("paper: what it claims", heads, claims, [CLAIM_NOTE], [told], words=0, last=4),
+        failures(frame[frame.verdict == "error"]),
+    ]
 
 
 def _cells(mine: dict[tuple[str, str], float]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Plays one random scene on one engine, and assesses the run (`reports/verdict/random_outcomes.py`)."""
+"""Plays one random scene on one engine, and assesses the run (`reports/verdict/outcomes.py`)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ from time import process_time
 from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsupported
 from touchstone.adapters.recorder import Player, ready
 from touchstone.reports.studies.tasks import Ended, Task
-from touchstone.reports.verdict.outcomes import class_of_end
-from touchstone.reports.verdict.random_outcomes import EXACT, FIRST_ORDER, Assessment, RunBounds, judge_random
+from touchstone.reports.verdict.outcomes import (
+    EXACT,
+    FIRST_ORDER,
+    Assessment,
+    RunBounds,
+    class_of_end,
+    judge_random,
+)
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import perturbed

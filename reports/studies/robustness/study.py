@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import installed, load
@@ -24,7 +23,6 @@ from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of, write_beside
-from touchstone.reports.studies.charts import figure, headline, logarithmic, open_axes, panels, rows_for
 from touchstone.reports.studies.robustness.play import (
     PATIENCE,
     SeededTask,
@@ -34,10 +32,18 @@ from touchstone.reports.studies.robustness.play import (
 from touchstone.reports.studies.study import Column, kept, missing_rows
 from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.verdict.outcomes import RANDOM_CLASSES
-from touchstone.reports.verdict.random_outcomes import COUNTERS, EXACT, Assessment
-from touchstone.reports.views.pictures import INK, PALE
-from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.reports.verdict.outcomes import COUNTERS, EXACT, RANDOM_CLASSES, Assessment
+from touchstone.reports.views.pictures import (
+    INK,
+    PALE,
+    figure,
+    headline,
+    logarithmic,
+    open_axes,
+    panels,
+    rows_for,
+)
+from touchstone.reports.views.render import Part
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of
 
 STUDY = "robustness"
@@ -203,46 +209,42 @@ NOTES = (
 )
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print one table per column, then broken limits, then the worst runs with the commands that repeat
-    them."""
+def report(frame: pd.DataFrame) -> list[Part]:
+    """One table per column, then broken limits, then the worst runs with the commands that repeat them."""
     figures = frame[frame.metric != "run"]
-    for (engine, profile), part in figures.groupby(["engine", "profile"], sort=False):
-        seen = [
-            outcome
-            for outcome, metric in zip(RANDOM_CLASSES, COUNTS)
-            if part[(part.metric == metric) & (part.scenario == ALL)].value.sum() > 0
-        ]
-        shown = {head: f"{STUDY}.{name}" for head, name in FIGURES.items()}
-        shown = {head: metric for head, metric in shown.items() if (part.metric == metric).any()}
-        table = table_of(
-            f"robustness: {engine}, {profile}", ("kind", "runs", *seen, *shown), padding=(0, 1, 0, 0)
-        )
-        for kind in (*ALL_KINDS, ALL):
-            rows = {row.metric: row for row in rows_of(part[part.scenario == kind])}
-            if not rows:
-                continue
-            counts = {outcome: int(rows[metric].value) for outcome, metric in zip(RANDOM_CLASSES, COUNTS)}
-            if kind == ALL:
-                table.add_section()
-            table.add_row(
-                kind,
-                str(sum(counts.values())),
-                *(str(counts[outcome] or "") for outcome in seen),
-                *(_cell(rows.get(metric)) for metric in shown.values()),
-            )
-        out.print(table)
-    print_notes(NOTES, out)
-    for row in rows_of(figures[figures.verdict == "fail"]):
-        out.print(
-            f"limit broken: {row.engine} {row.profile}: {row.metric} = {short(row.value)}, "
-            f"limit {row.limit:g}: {row.reason}",
-            highlight=False,
-        )
+    parts = [
+        _column(f"robustness: {engine}, {profile}", part)
+        for (engine, profile), part in figures.groupby(["engine", "profile"], sort=False)
+    ]
+    lines = [
+        f"limit broken: {row.engine} {row.profile}: {row.metric} = {short(row.value)}, "
+        f"limit {row.limit:g}: {row.reason}"
+        for row in rows_of(figures[figures.verdict == "fail"])
+    ]
     for row in rows_of(frame[frame.metric == "run"]):
         what = row.verdict or f"{row.subject} {short(row.value)} {row.scenario}"
-        text = ": ".join(part for part in (what, row.reproduce, row.reason) if part)
-        out.print(text, highlight=False, soft_wrap=True)
+        lines.append(": ".join(part for part in (what, row.reproduce, row.reason) if part))
+    return [*parts, Part(notes=NOTES, lines=lines)]
+
+
+def _column(title: str, part: pd.DataFrame) -> Part:
+    """Counts of outcomes and figures of a column, by kind of scene."""
+    seen = [
+        outcome
+        for outcome, metric in zip(RANDOM_CLASSES, COUNTS)
+        if part[(part.metric == metric) & (part.scenario == ALL)].value.sum() > 0
+    ]
+    shown = {head: f"{STUDY}.{name}" for head, name in FIGURES.items()}
+    shown = {head: metric for head, metric in shown.items() if (part.metric == metric).any()}
+    lines: list[list[str]] = []
+    for kind in (*ALL_KINDS, ALL):
+        rows = {row.metric: row for row in rows_of(part[part.scenario == kind])}
+        if rows:
+            counts = {outcome: int(rows[metric].value) for outcome, metric in zip(RANDOM_CLASSES, COUNTS)}
+            cells = (_cell(rows.get(metric)) for metric in shown.values())
+            lines += [[]] if kind == ALL else []
+            lines.append([kind, str(sum(counts.values())), *(str(counts[one] or "") for one in seen), *cells])
+    return Part(title, ["kind", "runs", *seen, *shown], lines)
 
 
 def _cell(row: Row | None) -> str:

@@ -18,7 +18,7 @@ from touchstone.adapters.recorder import Player, ready
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import installed
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.metrics.state import state_hash
+from touchstone.reports.metrics.solver import state_hash
 from touchstone.reports.results import Row
 from touchstone.reports.run.request import step_text
 from touchstone.reports.studies.study import Column

@@ -18,12 +18,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
-from rich.console import Console
 
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import CONSTRUCTION, Row, illustrate, rows_of, write_beside
-from touchstone.reports.studies.charts import figure
 from touchstone.reports.studies.stability.play import (
     OUTCOME,
     Played,
@@ -33,12 +31,12 @@ from touchstone.reports.studies.stability.play import (
     steps_of,
 )
 from touchstone.reports.studies.stability.sheet import write_sheets
-from touchstone.reports.studies.study import Column, kept, missing_rows, print_failures
+from touchstone.reports.studies.study import Column, failures, kept, missing_rows
 from touchstone.reports.studies.tasks import own_step
 from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SILENT, SURVIVED
-from touchstone.reports.views.pictures import INK, PALE
-from touchstone.reports.views.terminal import print_notes, table_of
+from touchstone.reports.views.pictures import INK, PALE, figure
+from touchstone.reports.views.render import Part
 from touchstone.scenarios.difficulty.family import Family, hard_names, level_text
 
 STUDY = "stability"
@@ -340,32 +338,30 @@ LISTED = 20
 """Number of silent failures that are listed."""
 
 
-def show(frame: pd.DataFrame, out: Console) -> None:
-    """Print what each column survives per family, counts of classes, and silent failures of the
-    reference."""
-    survived = frame[frame.metric == LEVELS]
+def report(frame: pd.DataFrame) -> list[Part]:
+    """What each column survives per family, counts of classes, and silent failures of the reference."""
+    survived, rows = frame[frame.metric == LEVELS], []
     columns = list(dict.fromkeys(zip(survived.engine, survived.profile)))
     shown = shown_columns({column: _ok(frame, column) for column in columns})
     heads = ["\n".join((engine, *head.split(" "))) for (engine, _), head in shown.items()]
-    table = table_of("stability: the most difficult level survived", ("family", *heads), padding=(0, 1, 0, 0))
     for name, part in survived.groupby("scenario", sort=False):
         cells = {(row.engine, row.profile): _cell(row) for row in rows_of(part)}
-        table.add_row(str(name), *(cells.get(column, "") for column in shown))
-    out.print(table)
-    print_notes((*NOTES, _letters(frame)), out)
-    _counts(frame, columns, out)
-    for row in rows_of(frame[frame.metric == CONTAINED]):
-        out.print(
-            f"reference {row.profile} survives all that any engine does in {row.value:.0%} of "
-            f"{len(survived.scenario.unique())} families {row.reason}",
-            highlight=False,
-        )
+        rows.append([str(name), *(cells.get(column, "") for column in shown)])
+    lines = [
+        f"reference {row.profile} survives all that any engine does in {row.value:.0%} of "
+        f"{len(survived.scenario.unique())} families {row.reason}"
+        for row in rows_of(frame[frame.metric == CONTAINED])
+    ]
     failed = frame[(frame.metric == OUTCOME) & (frame.verdict == "fail")]
-    for row in rows_of(failed[:LISTED]):
-        out.print(f"{row.subject}: {row.reproduce}: {row.reason}", highlight=False, soft_wrap=True)
-    if len(failed) > LISTED:
-        out.print(f"and {len(failed) - LISTED} more in cells.csv", highlight=False)
-    print_failures(frame[frame.metric == "run"], out)
+    lines += [f"{row.subject}: {row.reproduce}: {row.reason}" for row in rows_of(failed[:LISTED])]
+    lines += [f"and {len(failed) - LISTED} more in cells.csv"] if len(failed) > LISTED else []
+    title = "stability: the most difficult level survived"
+    return [
+        Part(title, ["family", *heads], rows, (*NOTES, _letters(frame))),
+        _counts(frame, columns),
+        Part(lines=lines),
+        failures(frame[frame.metric == "run"]),
+    ]
 
 
 def _ok(frame: pd.DataFrame, column: Column) -> int:
@@ -386,15 +382,15 @@ def _letters(frame: pd.DataFrame) -> str:
     return "; ".join(f"{letter}: {name}" for name, (_, letter) in LOOKS.items() if letter and name in seen)
 
 
-def _counts(frame: pd.DataFrame, columns: list[tuple[str, str]], out: Console) -> None:
-    """Print the number of cells of each class per column."""
+def _counts(frame: pd.DataFrame, columns: list[tuple[str, str]]) -> Part:
+    """The number of cells of each class per column."""
     cells = frame[frame.metric == OUTCOME]
     names = [name for name in LOOKS if name in set(cells.subject)]
     letters = [LOOKS[name][1] or name for name in names]
-    table = table_of("cells per class, all steps", ("", *letters, "silent"), padding=(0, 1, 0, 0))
+    rows = []
     for engine, profile in columns:
         mine = cells[(cells.engine == engine) & (cells.profile == profile)].subject
         silent = int(mine.isin(SILENT).sum())
         counts = [str(int((mine == name).sum()) or "") for name in names]
-        table.add_row(f"{engine} {profile}", *counts, str(silent))
-    out.print(table)
+        rows.append([f"{engine} {profile}", *counts, str(silent)])
+    return Part("cells per class, all steps", ["", *letters, "silent"], rows)

@@ -11,7 +11,6 @@ import pandas as pd
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.run.request import step_text
-from touchstone.reports.studies.work_precision.bands import distance
 from touchstone.reports.studies.work_precision.definitions import (
     BASE,
     FINE,
@@ -26,6 +25,7 @@ from touchstone.reports.studies.work_precision.errors import (
     CellRun,
     TrueMotion,
     closed_path,
+    distance,
     errors_of,
     run_of,
     truth_of,

@@ -15,15 +15,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
-from rich.console import Console
-from rich.table import Table
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import illustrate, save_manifest, write_beside
 from touchstone.reports.run.request import step_text
-from touchstone.reports.studies.charts import figure, logarithmic, open_axes
 from touchstone.reports.studies.work_precision.definitions import (
     QUANTITIES,
     QUICK_LADDER,
@@ -39,9 +36,9 @@ from touchstone.reports.studies.work_precision.errors import BAND
 from touchstone.reports.studies.work_precision.points import fronts, ladder, points, timing_cell
 from touchstone.reports.sweep.cells import ACCURACY, Cell
 from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.sweep import quietly, sweep
-from touchstone.reports.sweep.timing_rounds import TimingRounds
-from touchstone.reports.views.pictures import INK, PALE, color_of, marker_of
+from touchstone.reports.sweep.sweep import TimingRounds, quietly, sweep
+from touchstone.reports.views.pictures import INK, PALE, color_of, figure, logarithmic, marker_of, open_axes
+from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import catalogue
 
 
@@ -148,43 +145,31 @@ def number(value: float, unit: str) -> str:
     return f"{value / scale:.2g} {name}"
 
 
-def show(table: pd.DataFrame, console: Console) -> None:
-    """Print the cheapest point of each engine that meets the usual tolerance, the fronts, and the ladder."""
-    _answers(table, console)
-    _on_fronts(table, console)
-    _bands(table, console)
-    fronts = table.attrs.get("fronts")
-    if fronts is not None and len(fronts):
-        _losses(fronts, console)
-    ladder = table.attrs.get("ladder")
-    if ladder is not None and len(ladder):
-        _ladder(ladder, console)
-    failed = table[table.quantity == ""]
-    for row in _rows(failed):
-        console.print(f"{row.reproduce.removeprefix('touchstone run ')}: {row.outcome}: {row.reason}")
-    seconds = table.attrs.get("seconds")
-    if seconds:
+def report(table: pd.DataFrame) -> list[Part]:
+    """The cheapest point of each engine that meets the usual tolerance, the fronts, and the ladder."""
+    fronts, ladder = table.attrs.get("fronts"), table.attrs.get("ladder")
+    failed = [
+        f"{row.reproduce.removeprefix('touchstone run ')}: {row.outcome}: {row.reason}"
+        for row in _rows(table[table.quantity == ""])
+    ]
+    if seconds := table.attrs.get("seconds"):
         parts = ", ".join(f"{name} {value:.0f} s" for name, value in seconds.items())
-        console.print(f"The study took {sum(seconds.values()):.0f} s: {parts}.")
+        failed.append(f"The study took {sum(seconds.values()):.0f} s: {parts}.")
+    bands = [f"{scene}: {words}" for scene, words in table.attrs.get("bands", {}).items()]
+    return [
+        _answers(table),
+        _on_fronts(table),
+        Part(lines=bands),
+        *([Part(lines=[*_losses(fronts)])] if fronts is not None and len(fronts) else []),
+        *([_ladder(ladder)] if ladder is not None and len(ladder) else []),
+        Part(lines=failed),
+    ]
 
 
-def _table(title: str, left: Sequence[str], right: Sequence[str], last: Sequence[str] = ()) -> Table:
-    shown = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    for head in (*left, *right, *last):
-        shown.add_column(head, justify="right" if head in right else "left")
-    return shown
-
-
-def _bands(table: pd.DataFrame, console: Console) -> None:
-    """Scenes without a closed form: which codes agree on positions, and to what."""
-    for scene, words in table.attrs.get("bands", {}).items():
-        console.print(f"{scene}: {words}", highlight=False, soft_wrap=True)
-
-
-def _answers(table: pd.DataFrame, console: Console) -> None:
+def _answers(table: pd.DataFrame) -> Part:
     engines = list(dict.fromkeys(table.engine))
     title = "Cheapest measured time per simulated second within the usual tolerance"
-    shown = _table(title, left=("scene", "quantity"), right=("tolerance", *engines))
+    rows = []
     usable = table[(table.quantity != "") & table.time.notna()]
     for (scene, quantity), part in usable.groupby(["scenario", "quantity"], sort=False):
         one = QUANTITIES[str(quantity)]
@@ -199,48 +184,45 @@ def _answers(table: pd.DataFrame, console: Console) -> None:
                 cells.append(f"best {number(mine.error.min(), one.unit)}")
             else:
                 cells.append("-")
-        shown.add_row(str(scene), str(quantity), number(one.tolerance, one.unit), *cells)
-    console.print(shown)
+        rows.append([str(scene), str(quantity), number(one.tolerance, one.unit), *cells])
+    return Part(title, ["scene", "quantity", "tolerance", *engines], rows, words=2)
 
 
 MOST_OFTEN = 4
 """Settings of an engine that are named."""
 
 
-def _on_fronts(table: pd.DataFrame, console: Console) -> None:
-    """Print of how many fronts of its engine each setting is a part, the most frequent ones."""
+def _on_fronts(table: pd.DataFrame) -> Part:
+    """Of how many fronts of its engine each setting is a part, the most frequent ones."""
     if "own_front" not in table:
-        return
-    on = table[table.own_front.astype(bool)]
-    shown = _table(
-        "\nSettings on the engine's own fronts", left=("engine",), right=("fronts",), last=("settings",)
-    )
-    for engine, part in on.groupby("engine", sort=False):
+        return Part()
+    rows = []
+    for engine, part in table[table.own_front.astype(bool)].groupby("engine", sort=False):
         label = (part.profile + " " + part.settings).str.strip()
         count = (
             part.assign(label=label).drop_duplicates(["scenario", "quantity", "label"]).label.value_counts()
         )
         total = len(part.drop_duplicates(["scenario", "quantity"]))
         texts = [f"{name} {number}" for name, number in count.head(MOST_OFTEN).items()]
-        shown.add_row(str(engine), str(total), ", ".join(texts))
-    console.print(shown)
+        rows.append([str(engine), str(total), ", ".join(texts)])
+    return Part("Settings on the engine's own fronts", ("engine", "fronts", "settings"), rows, last=1)
 
 
-def _losses(fronts: pd.DataFrame, console: Console) -> None:
+def _losses(fronts: pd.DataFrame) -> Iterator[str]:
     won, total = int(fronts.dominates.sum()), len(fronts)
-    console.print(f"\nThe reference's front dominates {won} of {total} fronts (scene, quantity, engine).")
+    yield f"The reference's front dominates {won} of {total} fronts (scene, quantity, engine)."
     lost = fronts[~fronts.dominates].sort_values("factor", ascending=False)
     for _, part in lost.groupby(["scenario", "engine", "where", "why"], sort=False):
         first = part.iloc[0]
         by = "" if first.factor == inf else f" by {first.factor:.3g}"
         quantities = ", ".join(part.quantity)
-        console.print(f"  {first.scenario}, {quantities}: {first.engine}{by}: {first.why} ({first['where']})")
+        yield f"  {first.scenario}, {quantities}: {first.engine}{by}: {first.why} ({first['where']})"
 
 
-def _ladder(ladder: pd.DataFrame, console: Console) -> None:
+def _ladder(ladder: pd.DataFrame) -> Part:
     """Changes of `balanced` that change an error or the time."""
-    title = "\nProfiles against balanced, and one setting of balanced at a time: errors and time"
-    shown = _table(title, left=("setting", "as in"), right=("time",), last=("changes",))
+    title = "Profiles against balanced, and one setting of balanced at a time: errors and time"
+    heads, rows = ("setting", "as in", "time", "changes"), []
     for (change, towards), part in ladder.groupby(["change", "towards"], sort=False):
         moved = []
         for row in _rows(part):
@@ -252,10 +234,9 @@ def _ladder(ladder: pd.DataFrame, console: Console) -> None:
         texts = [text for _, text in sorted(moved, reverse=True)]
         more = f"; {len(texts) - 3} more" if len(texts) > 3 else ""
         times = part.drop_duplicates("scenario").time_ratio
-        shown.add_row(
-            str(change), str(towards), f"{times.median():.2f} x", "; ".join(texts[:3]) + more or "none"
-        )
-    console.print(shown)
+        moves = "; ".join(texts[:3]) + more or "none"
+        rows.append([str(change), str(towards), f"{times.median():.2f} x", moves])
+    return Part(title, heads, rows, words=2, last=1)
 
 
 def _rows(frame: pd.DataFrame) -> Iterator[Any]:

@@ -8,10 +8,18 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
+
+import touchstone as ts
+from touchstone.reports.assertions.invariants import check
+from touchstone.reports.assertions.player import PlayCache
+from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.solids import ball, block, slab
 
 ROOT = Path(__file__).resolve().parents[3]
 TESTS = """
@@ -205,3 +213,126 @@ def test_the_plugin_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.fixture
+def recording(registry, tmp_path):
+    """A recording and its file."""
+    (tmp_path / "run").mkdir()
+    path = tmp_path / "run" / "run.npz"
+    run = registry.played("fall", "reference")
+    run.save(path)
+    return run, path
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """An empty folder of a cache."""
+    home = tmp_path / "cache"
+    home.mkdir()
+    return home
+
+
+def test_what_was_put_comes_back(recording, folder):
+    """A recording is equal to the bit, a refusal keeps its reason, failures are not kept."""
+    run, path = recording
+    cache = PlayCache(folder)
+    cache.put("a", "done", "", path)
+    cache.put("b", "skipped", "toy: no boxes", path)
+    cache.put("c", "error", "it crashed", path)
+    status, _, kept = cache.get("a")
+    assert status == "done"
+    assert np.array_equal(kept.position, run.position)
+    assert cache.get("b") == ("skipped", "toy: no boxes", None)
+    assert cache.get("c") is None
+    assert sorted(path.name for path in folder.iterdir()) == ["a.npz", "b.txt"]
+
+
+def test_a_damaged_recording_is_played_again(recording, folder):
+    """It is removed, not raised."""
+    cache = PlayCache(folder)
+    cache.put("a", "done", "", recording[1])
+    (folder / "a.npz").write_bytes(recording[1].read_bytes()[:500])
+    assert cache.get("a") is None
+    assert list(folder.iterdir()) == []
+
+
+def test_what_is_used_is_kept_longest(recording, folder):
+    """Beyond its size the cache loses what was not used for the longest time."""
+    cache = PlayCache(folder)
+    for age, key in enumerate("abc"):
+        cache.put(key, "done", "", recording[1])
+        os.utime(folder / f"{key}.npz", (age, age))
+    cache.get("a")
+    cache.trim(2 * recording[1].stat().st_size)
+    assert sorted(path.stem for path in folder.iterdir()) == ["a", "c"]
+
+
+def test_a_folder_that_cannot_be_written_keeps_nothing(recording, folder):
+    """A cache whose folder is gone neither raises nor keeps."""
+    cache = PlayCache(folder)
+    folder.rmdir()
+    cache.put("a", "done", "", recording[1])
+    assert cache.get("a") is None
+    assert not folder.exists()
+
+
+def test_without_a_folder_nothing_is_kept(recording):
+    """The cache of a session without pytest's cache is empty and stays so."""
+    cache = PlayCache()
+    cache.put("a", "done", "", recording[1])
+    assert cache.get("a") is None
+
+
+FRAMES, MOVING = 1000, 19
+LIMIT = 0.05
+"""Processor time of an assertion [s]."""
+PLACES = [(0.3 * (k % 5), 0.3 * (k // 5), 0.05) for k in range(MOVING)]
+BODIES = {
+    "balls": [ball(f"b{k}", "wood", 0.05, 1.0, place) for k, place in enumerate(PLACES)],
+    "boxes": [block(f"b{k}", "wood", (0.05, 0.05, 0.05), 1.0, place) for k, place in enumerate(PLACES)],
+}
+
+
+def at_rest(kind: str, height: float) -> tuple[Scenario, dict]:
+    """Bodies that rest at a height above a floor, and the arrays of their run with all contacts."""
+    pairs = (ts.PairCoefficients("wood", "wood", 0.5, 0.5),)
+    bodies = (slab("floor", "wood"), *BODIES[kind])
+    scenario = Scenario("rest", "bodies at rest", (), bodies, (FRAMES - 1) / 60, pairs)
+    position = np.tile([body.position for body in bodies], (FRAMES, 1, 1))
+    position[:, 1:, 2] += height + np.random.default_rng(0).normal(0, 1e-6, (FRAMES, MOVING))
+    still = np.zeros_like(position)
+    count = MOVING * (FRAMES - 1)
+    contacts = {
+        "time": np.repeat(np.arange(FRAMES - 1) / 60, MOVING),
+        "body_a": np.zeros(count, dtype=int),
+        "body_b": np.tile(np.arange(1, MOVING + 1), FRAMES - 1),
+        "normal": np.tile([0.0, 0.0, 1.0], (count, 1)),
+        "impulse": np.tile([0.0, 0.0, 9.81 / 60], (count, 1)),
+    }
+    orientation = np.tile([body.orientation for body in bodies], (FRAMES, 1, 1))
+    given = {"orientation": orientation, "linear_velocity": still, "angular_velocity": still}
+    return scenario, {"position": position, **given, "contacts": contacts}
+
+
+@pytest.mark.parametrize(
+    ("kind", "height", "invariant"),
+    [
+        *((kind, height, "no_overlap") for kind in BODIES for height in (0.0, 0.5)),
+        *((kind, 0.0, "no_tunnelling") for kind in BODIES),
+        *((kind, 0.0, "energy_not_created") for kind in BODIES),
+        ("boxes", 0.0, "friction_cone"),
+    ],
+)
+def test_overhead(kind, height, invariant):
+    """The fastest of several assertions, each on a new recording."""
+    scenario, given = at_rest(kind, height)
+    if invariant != "friction_cone":
+        del given["contacts"]
+    spent = []
+    while len(spent) < 3 or (min(spent) > LIMIT and len(spent) < 10):
+        run = ts.recording(scenario, **given)
+        start = time.process_time()
+        check(invariant, run, scenario, limit=1.0)
+        spent.append(time.process_time() - start)
+    assert min(spent) < LIMIT

@@ -8,13 +8,15 @@ from types import ModuleType
 import pandas as pd
 import pytest
 
+from touchstone.reports.views.render import print_parts
+
 
 def shown(bench: ModuleType, rows: pd.DataFrame) -> str:
     """What is printed on a terminal of 112 columns."""
     from rich.console import Console
 
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    bench.show(rows, console)
+    print_parts(bench.report(rows), console)
     return console.export_text()
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from touchstone.reports.bench import BENCHES, load, scaling
-from touchstone.reports.bench.curves import BROAD_PHASE
+from touchstone.reports.bench.scaling import BROAD_PHASE
 from touchstone.reports.cli import main as cli
 from touchstone.reports.output_folder import OutputError
 from touchstone.reports.results import Row, table
@@ -28,7 +28,7 @@ def test_every_bench_is_whole() -> None:
         bench = load(name)
         assert bench.steps() > 0
         assert callable(bench.run)
-        assert callable(bench.show)
+        assert callable(bench.report)
 
 
 @pytest.mark.parametrize("name", BENCHES)

@@ -14,13 +14,12 @@ from touchstone.adapters.recording import load
 from touchstone.adapters.registry import ENGINES
 from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.adapters.workers.process import last_core
-from touchstone.reports.bench import frame, restarts
-from touchstone.reports.bench.restarts import CONTESTANTS, Contestant, Take
+from touchstone.reports.bench import frame
+from touchstone.reports.bench.frame import CONTESTANTS, Contestant, Take
 from touchstone.reports.bootstrap import RATIO, RATIOS
 from touchstone.reports.results import Row, table
 from touchstone.reports.run import ratios, time_limits
-from touchstone.reports.run.contact_frames import contact_frames
-from touchstone.reports.run.decomposition import FACTORS
+from touchstone.reports.run.ratios import FACTORS, contact_frames
 from touchstone.scenarios.catalogue import catalogue
 
 SCENE = catalogue()["ball_snip"]
@@ -254,13 +253,13 @@ def test_every_restart_is_a_process_in_drawn_order(monkeypatch, tmp_path: Path, 
             replace(base, time_frame=np.full(180, 1e-5)).save(job.recording)
             return [Outcome(job, "done")]
 
-    monkeypatch.setattr(restarts, "Children", Fake)
+    monkeypatch.setattr(frame, "Children", Fake)
     pair = [Contestant(name, name) for name in ("reference", "mujoco")]
     orders = []
     for seed in (0, 0, 1):
         folder = tmp_path / str(len(orders))
         folder.mkdir()
-        takes = restarts.played(pair, [SCENE], 6, seed, folder, silence)
+        takes = frame.played(pair, [SCENE], 6, seed, folder, silence)
         orders.append([name for name, _ in started])
         assert {core for _, core in started} == {last_core()}
         started.clear()

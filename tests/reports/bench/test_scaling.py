@@ -11,8 +11,15 @@ import pytest
 from touchstone.adapters.detectors import REFERENCE
 from touchstone.adapters.recorder import warm_up
 from touchstone.reports.bench import scaling
-from touchstone.reports.bench.curves import BALLS, BROAD_PHASE, VERTICES, Curve, balls_at_rest, resting_balls
-from touchstone.reports.bench.scaling import rows_of_curves
+from touchstone.reports.bench.scaling import (
+    BALLS,
+    BROAD_PHASE,
+    VERTICES,
+    Curve,
+    balls_at_rest,
+    resting_balls,
+    rows_of_curves,
+)
 from touchstone.reports.results import table
 from touchstone.reports.verdict.judge import judged
 
@@ -50,7 +57,7 @@ def test_exponents_of_power_laws_are_exact() -> None:
 
 def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> None:
     """Time every engine at every size, the reference at more; one that dies is a row with its reason."""
-    monkeypatch.setattr("touchstone.reports.bench.curves.installed", lambda name: name != "mujoco")
+    monkeypatch.setattr("touchstone.reports.bench.scaling.installed", lambda name: name != "mujoco")
     curves = balls_at_rest([2, 4], [6], 2, 3, tmp_path, silence, fakes[0])
     found = {curve.engine: curve for curve in curves}
     assert found["reference"].sizes == [2, 4, 6]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from touchstone.reports.compare.stored import NEEDED
+from touchstone.reports.changes import NEEDED
 from touchstone.scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")

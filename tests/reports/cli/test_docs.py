@@ -10,8 +10,7 @@ import typer
 
 from touchstone.reports.cli.main import app
 from touchstone.reports.docs.measurements import NoResults, page_of
-from touchstone.reports.docs.reference import commands_page, list_pages
-from touchstone.reports.docs.settings_pages import difference, settings_pages
+from touchstone.reports.docs.reference import commands_page, difference, list_pages, settings_pages
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.scenarios.catalogue import tagged
 

@@ -13,7 +13,7 @@ import pytest
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import COLUMNS, Row
-from touchstone.reports.run import cost, study
+from touchstone.reports.run import request, study
 from touchstone.reports.run.measure import NEEDED, measured
 from touchstone.scenarios.catalogue import catalogue
 
@@ -156,8 +156,8 @@ def test_asking_twice_is_asking_once(touchstone, quick):
 
 def test_a_long_run_is_refused_unless_it_is_asked_for(touchstone, quick, monkeypatch, tmp_path):
     """Exit 2, one line and no folder; with --yes it plays."""
-    monkeypatch.setattr(cost, "LONGEST", -1.0)
-    monkeypatch.setattr(cost, "FIRST_SECONDS", 0.0)
+    monkeypatch.setattr(request, "LONGEST", -1.0)
+    monkeypatch.setattr(request, "FIRST_SECONDS", 0.0)
     play = study.Children.play
 
     def slow(self, jobs, progress):

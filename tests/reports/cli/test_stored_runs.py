@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from touchstone.adapters.recording import ARRAYS, CONTACTS
-from touchstone.reports.compare.stored import NEEDED, NUMBERS
+from touchstone.reports.changes import NEEDED, NUMBERS
 from touchstone.reports.results import save
 
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced", "--quiet", "--out", "old")

@@ -12,9 +12,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from touchstone.reports.exports.glb import glb
-from touchstone.reports.exports.meshes import body_mesh
-from touchstone.reports.exports.tables import TABLES
+from touchstone.reports.exports import TABLES, body_mesh, glb
 from touchstone.scenarios.catalogue import catalogue
 
 COUNTS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
@@ -194,7 +192,7 @@ def test_the_page_shows_each_engine_in_its_own_profile():
     """Of several profiles, the engine's own; without it, the first that was played."""
     from pathlib import Path
 
-    from touchstone.reports.page.scene_page import own_columns
+    from touchstone.reports.page.run_page import own_columns
 
     played = [
         ("reference", "paper"),

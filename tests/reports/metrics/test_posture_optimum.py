@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from touchstone.reports.metrics import posture_optimum
+from touchstone.reports.metrics import posture as posture_optimum
 from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue

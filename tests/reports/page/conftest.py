@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.page.content import Content
+from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 from touchstone.reports.results import Row, table

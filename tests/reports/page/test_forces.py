@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from touchstone.reports.metrics.motion.time_series import FORCE, Course
-from touchstone.reports.page import forces
-from touchstone.reports.page.forces import force_chart, force_charts
+from touchstone.reports.page import charts as forces
+from touchstone.reports.page.charts import force_chart, force_charts
 from touchstone.reports.page.page import page
 from touchstone.reports.results import Row, table
 from touchstone.reports.run.request import Request, Results

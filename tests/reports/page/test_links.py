@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from touchstone.reports.page import sections
-from touchstone.reports.page.content import Change
+from touchstone.reports.page.html import Change
 from touchstone.reports.page.page import page
 from touchstone.reports.results import Row, table
 

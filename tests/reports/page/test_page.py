@@ -13,7 +13,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from touchstone.reports.page.findings import broken_part
+from touchstone.reports.page.matrix import broken_part
 from touchstone.reports.page.page import MOST_PLAYBACK, within_budget
 from touchstone.reports.page.playback import INT16
 from touchstone.reports.results import Row, table
@@ -129,7 +129,7 @@ def test_a_slow_reference_is_listed_among_the_failings():
 
 def test_studies_are_shown_as_text(made):
     """Hard cases as a table of classes with what each means; of other studies, counts and what is broken."""
-    from touchstone.reports.page.studies import studies_part
+    from touchstone.reports.page.sections import studies_part
 
     hard = ("stability", "hard_mass_1e6", "mujoco", "recommended", 1 / 540, "stability.outcome")
     other = ("relations", "fall", "dart", "recommended", 1 / 1020, "relations.turned")

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.page.content import Content
+from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 from touchstone.reports.results import table

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from touchstone.reports.soak.shrink import shrunk
-from touchstone.reports.soak.soak import Extent, soak
+from touchstone.reports.soak.soak import Extent, shrunk, soak
 from touchstone.scenarios.files.named import scenes_of_file
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import Sphere

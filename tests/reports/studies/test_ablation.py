@@ -17,12 +17,13 @@ from touchstone.reports.studies.ablation import (
     idle,
     lines_of,
     mechanisms_picture,
+    report,
     rows_of,
-    show,
     variations,
 )
 from touchstone.reports.studies.study import RefusedError
 from touchstone.reports.studies.tasks import Ended
+from touchstone.reports.views.render import print_parts
 
 SETTINGS = Settings("balanced", 1 / 60)
 CAP, GUARD = "geometry.gjk.GJK_CAP", "energy guard"
@@ -71,7 +72,7 @@ def test_a_line_tells_what_a_variation_buys_and_costs(frame):
 def test_the_table_and_the_picture_show_it(frame, tmp_path):
     """The table says what moves nothing; the picture is drawn."""
     out = Console(width=160, file=StringIO())
-    show(frame, out)
+    print_parts(report(frame), out)
     assert "energy guard off: wall energy.injected" in out.file.getvalue()
     assert f"moves no scene in either direction: {CAP}" in out.file.getvalue()
     mechanisms_picture(frame, tmp_path / "ablation.png")

@@ -27,11 +27,12 @@ from touchstone.reports.studies.convergence.study import (
     findings,
     order_of,
     own_step,
+    report,
     run,
     scenes,
-    show,
 )
 from touchstone.reports.studies.study import RefusedError
+from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 
@@ -131,7 +132,7 @@ def test_the_table_shows_order_floor_and_who_is_nearer(tmp_path: Path) -> None:
     ended = Row(STUDY, "hill", "bullet", "recommended", 1 / 30, "run", verdict="skipped", reason="no hills")
     frame = pd.concat([forged(ERRORS), table([ended])], ignore_index=True)
     out = StringIO()
-    show(frame, Console(file=out, width=120))
+    print_parts(report(frame), Console(file=out, width=120))
     lines = {line[1:20].strip(): line for line in out.getvalue().splitlines()[::-1]}
     assert "2.00 (2.00 to 2.00)" in lines["reference balanced"]
     assert "! 2 of 7, 5.00" in lines["dart recommended"]

@@ -18,10 +18,11 @@ from touchstone.reports.studies.gradients import (
     Task,
     errors,
     errors_picture,
+    report,
     rows_of_task,
-    show,
 )
 from touchstone.reports.studies.tasks import Ended
+from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.closed_form_ends import final_positions
 
 STEP = 1e-6
@@ -68,7 +69,7 @@ def test_a_wrong_derivative_fails_and_is_drawn(tmp_path):
     rows += rows_of_task(task, Ended("error", "it broke"))
     frame = table(rows)
     with open(tmp_path / "shown.txt", "w") as file:
-        show(frame, Console(file=file, width=120))
+        print_parts(report(frame), Console(file=file, width=120))
     shown = (tmp_path / "shown.txt").read_text()
     assert "d stop / d v" in shown
     assert "1e-09 1e-09 1e-09" in shown

@@ -17,9 +17,16 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.registry import load
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.tosses.flight import OUTLIER, State, first_impact, flights, rotated
 from touchstone.reports.studies.tosses.measured import COLUMNS, CUBE, Box, read
-from touchstone.reports.studies.tosses.playing import Flown, Identification
+from touchstone.reports.studies.tosses.playing import (
+    OUTLIER,
+    Flown,
+    Identification,
+    State,
+    first_impact,
+    flights,
+    rotated,
+)
 from touchstone.reports.studies.tosses.study import prepared, settings
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion

@@ -26,7 +26,7 @@ CHANGES = {
     "seed": 1,
     "effects": True,
     "measure": "touchstone.reports.machine:machine",
-    "source": "touchstone.reports.sweep.scenes:perturbed_scene",
+    "source": "touchstone.reports.sweep.cells:perturbed_scene",
     "options": ("p=1",),
     "repeat": 1,
 }
@@ -80,7 +80,7 @@ def test_the_processor_counts_for_timing_only(monkeypatch):
         ("mujoco", "adapters/recorder.py", True),
         ("mujoco", "reports/metrics/contacts/overlap.py", True),
         ("mujoco", "reports/sweep/measures.py", True),
-        ("mujoco", "reports/sweep/batch_pool.py", False),
+        ("mujoco", "reports/sweep/sweep.py", False),
         ("mujoco", "scenarios/effects.py", True),
         ("mujoco", "scenarios/families/coin.py", False),
     ],

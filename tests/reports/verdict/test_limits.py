@@ -11,9 +11,9 @@ import pytest
 from touchstone.adapters.detectors import DETECTORS
 from touchstone.adapters.engines.drake import ENTRY
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.bench.curves import BALLS, BROAD_PHASE, VERTICES
 from touchstone.reports.bench.geometry import MOTION
 from touchstone.reports.bench.poses import FAMILIES
+from touchstone.reports.bench.scaling import BALLS, BROAD_PHASE, VERTICES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
 from touchstone.reports.studies import effects

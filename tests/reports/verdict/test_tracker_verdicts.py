@@ -10,9 +10,8 @@ import pytest
 from touchstone.adapters.contract import Settings
 from touchstone.reports.results import UNAPPLIED, Row
 from touchstone.reports.verdict import failings, limits
-from touchstone.reports.verdict.counts import counted
 from touchstone.reports.verdict.failings import NOISY, Failing
-from touchstone.reports.verdict.judge import NOT_IDEAL, judged
+from touchstone.reports.verdict.judge import NOT_IDEAL, counted, judged
 
 LABEL = f"balanced{NOISY}"
 ROW = Row("run", "wall_push", "reference", LABEL, 1 / 60, "overlap.max", 1e-7)

@@ -1,4 +1,6 @@
-"""Executor on a Dask cluster: an existing one, or one on this machine (extra `dask`).
+"""Sweeps on clusters: by Dask, or by an array job of Slurm.
+
+Executor on a Dask cluster: an existing one, or one on this machine (extra `dask`).
 
 The cluster's workers must be able to import touchstone. A cell that kills its worker, or hangs, costs a row.
 """
@@ -6,6 +8,7 @@ The cluster's workers must be able to import touchstone. A cell that kills its w
 from __future__ import annotations
 
 import contextlib
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -124,3 +127,48 @@ class DaskPool:
         """Futures that a worker has, or all if none says so."""
         running = {key for keys in client.processing().values() for key in keys}
         return [future for future in pending if future.key in running] or list(pending)
+
+
+TASKS_MOST = 64
+"""Largest number of tasks of an array."""
+
+
+class PartError(ValueError):
+    """A part that is none; the message says what is valid."""
+
+
+def script(arguments: Sequence[str], cells: int) -> str:
+    """Text of the script.
+
+    Args:
+        arguments: of `touchstone sweep`, without those of the script itself.
+        cells: number of cells of the sweep.
+    """
+    tasks = max(1, min(cells, TASKS_MOST))
+    command = shlex.join(["touchstone", "sweep", *arguments])
+    return "\n".join(
+        [
+            "#!/bin/bash",
+            f"# {cells} cells in {tasks} tasks; finished cells are skipped, so the job may be sent again.",
+            "#SBATCH --job-name=touchstone-sweep",
+            f"#SBATCH --array=0-{tasks - 1}",
+            "#SBATCH --ntasks=1",
+            "#SBATCH --cpus-per-task=1",
+            "#SBATCH --output=touchstone-sweep-%A_%a.txt",
+            "set -euo pipefail",
+            f'exec {command} --jobs 1 --quiet --part "$SLURM_ARRAY_TASK_ID/{tasks}"',
+            "",
+        ]
+    )
+
+
+def part_of(cells: Sequence[Cell], text: str) -> list[Cell]:
+    """Every n-th cell from the k-th on, for "k/n"; raises PartError."""
+    try:
+        number, _, count = text.partition("/")
+        k, n = (int(number), int(count)) if text.isascii() else (-1, 0)
+    except ValueError:
+        k, n = -1, 0
+    if not 0 <= k < n:
+        raise PartError(f"--part {text}: expected K/N with K from 0 to N - 1")
+    return list(cells[k::n])

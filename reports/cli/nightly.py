@@ -1,5 +1,3 @@
-"""`touchstone nightly` and `touchstone accept`: measure a night, store it, and say what changed."""
-
 from __future__ import annotations
 
 import shutil
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
     from touchstone.reports.nightly.night import Measured
     from touchstone.reports.nightly.store import Night, Store
     from touchstone.reports.nightly.verdict import Finding
+
 
 StoreOption = Annotated[str, typer.Option(help="Folder of nights, or a URL that fsspec knows.")]
 

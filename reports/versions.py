@@ -1,4 +1,6 @@
-"""Play scenes on several released versions of an engine, and compare each with the first.
+"""Versions of this program compared: the same scenes played in the environment of each, and their table.
+
+Play scenes on several released versions of an engine, and compare each with the first.
 
 Every version plays in child processes of its own environment; recordings are judged here, by one judge. Each
 round starts new processes, because a process's speed depends on where its memory lies. Within a round the
@@ -7,12 +9,13 @@ versions take turns, and the order changes from round to round.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from rich.text import Text
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording, load
@@ -23,10 +26,13 @@ from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.bootstrap import Ratio, mean, restart_ratio
 from touchstone.reports.changes import ACROSS_VERSIONS, SHOWN, changes
 from touchstone.reports.cli.progress import SCENE, Progress
-from touchstone.reports.metrics.state import state_hash
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.solver import state_hash
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run.request import Request, Results
 from touchstone.reports.run.study import judge_outcomes
+from touchstone.reports.views.render import Part
+from touchstone.reports.views.tables import number, unit_of
 from touchstone.scenarios.scenario import Scenario
 
 
@@ -215,3 +221,124 @@ def _write(found: Compared, request: Request, folder: Path) -> None:
         {"command": request.command, "engine": found.engine, "versions": list(found.results)}
         | {"faults": found.faults},
     )
+
+
+SLOWER = 1.05
+"""Ratio of times beyond which an interval counts as a change of speed, or its inverse [1]."""
+MOST_FIGURES = 20
+"""Changed figures that the terminal shows; `changes.csv` has all."""
+KINDS = ("worse", "gone", "better", "changed")
+FIGURE = ["scenario", "profile", "metric", "subject"]
+HEADS = ("scene", "version", "motion [mm]", "worse", "gone", "better", "other", "time", "95 %")
+NOTE = (
+    "motion: largest distance of a body from its place in the first version; = all states are the same to "
+    "the bit. worse, better, other: figures that moved by more than 1 %; gone: figures that it lacks. "
+    "time: mean frame over that of the first version"
+)
+
+
+def speed(one: Difference) -> str:
+    """`faster`, `slower` or empty: whether the interval of the ratio lies beyond 5 %."""
+    if one.time is None:
+        return ""
+    if one.time.low > SLOWER:
+        return "slower"
+    return "faster" if one.time.high < 1 / SLOWER else ""
+
+
+def sentences(found: Compared) -> Iterator[str]:
+    """Two lines per version: physics and speed against the first."""
+    first, *others = found.results
+    for version in others:
+        mine = [one for one in found.differences if one.version == version]
+        if not mine:
+            yield f"{version}: nothing to compare"
+            continue
+        yield f"{version}: physics: {'; '.join(_physics(found, mine, first))}"
+        ratios = [one.time.value for one in mine if one.time is not None]
+        if ratios:
+            words = [f"{word} in {', '.join(dict.fromkeys(names))}" for word, names in _speeds(mine) if names]
+            middle = float(np.exp(np.mean(np.log(ratios))))
+            remarks = "; ".join(words) or "no scene is clearly beyond 5 %"
+            yield f"{version}: speed: frames take {middle:.2f} times as long as in {first}; {remarks}"
+
+
+def _physics(found: Compared, mine: list[Difference], first: str) -> Iterator[str]:
+    """What changed in the motion and the figures of a version."""
+    ended = dict.fromkeys(one.scenario for one in mine if np.isnan(one.motion))
+    moved = [one for one in mine if not one.same and one.scenario not in ended]
+    yield f"{sum(one.same for one in mine)} of {len(mine)} runs are the same to the bit as in {first}"
+    if moved:
+        worst = max(moved, key=lambda one: one.motion)
+        yield f"motion differs by up to {number(worst.motion * 1e3)} mm ({worst.scenario})"
+    kinds = found.figures.kind[found.figures.version == mine[0].version]
+    counts = [f"{int((kinds == kind).sum())} {kind}" for kind in KINDS if (kinds == kind).any()]
+    if counts:
+        yield f"figures: {', '.join(counts)}"
+    if ended:
+        yield f"did not play to the end: {', '.join(ended)}"
+
+
+def _speeds(mine: list[Difference]) -> list[tuple[str, list[str]]]:
+    return [(word, [one.scenario for one in mine if speed(one) == word]) for word in ("slower", "faster")]
+
+
+def report(found: Compared) -> list[Part]:
+    """The differences, the figures that changed, and the sentences."""
+    parts = []
+    for profile in dict.fromkeys(one.profile for one in found.differences):
+        mine = [one for one in found.differences if one.profile == profile]
+        rows: list[list[str | Text]] = []
+        for scene in dict.fromkeys(one.scenario for one in mine):
+            lines = [_line(found, one) for one in mine if one.scenario == scene]
+            rows += [["" if k else scene, *line] for k, line in enumerate(lines)]
+        title = f"{found.engine} {profile} against {next(iter(found.results))}"
+        parts.append(Part(title, HEADS, rows, words=2, tight=True))
+    return [*parts, Part(notes=[NOTE] * bool(parts)), _figures(found), Part(lines=[*sentences(found)])]
+
+
+def _line(found: Compared, one: Difference) -> list[Text | str]:
+    mine = found.figures[
+        (found.figures.version == one.version)
+        & (found.figures.scenario == one.scenario)
+        & (found.figures.profile == one.profile)
+    ]
+    counts = [int((mine.kind == kind).sum()) for kind in KINDS]
+    motion = "=" if one.same else "ended" if np.isnan(one.motion) else number(one.motion * 1e3)
+    style = {"slower": "red", "faster": "green", "": ""}[speed(one)]
+    times = (
+        (Text(f"{one.time.value:.2f}", style=style), f"{one.time.low:.2f}-{one.time.high:.2f}")
+        if one.time
+        else ("-", "-")
+    )
+    return [one.version, motion, *(str(count) if count else "" for count in counts), *times]
+
+
+def _figures(found: Compared) -> Part:
+    """The changed figures, the worst first, with the value of every version."""
+    changed = found.figures[found.figures.kind.isin(KINDS)].copy()
+    changed["order"] = changed.kind.map(KINDS.index)
+    changed = changed.sort_values("order", kind="stable").drop_duplicates(FIGURE)
+    versions = list(found.results)
+    rows = []
+    values = found.frame.set_index([*FIGURE, "version"]).value
+    for row in changed.head(MOST_FIGURES).to_dict("records"):
+        key = tuple(row[name] for name in FIGURE)
+        shown = [_shown(key[2], float(values.get((*key, version), np.nan))) for version in versions]
+        unit = unit_of(key[2])
+        name = f"{key[2]} {key[3]}".strip()
+        rows.append([row["kind"], key[0], name, "" if unit == "1" else unit, *shown])
+    rest = len(changed) - MOST_FIGURES
+    notes = [f"{rest} more changed figures are in changes.csv"] if rest > 0 else []
+    return (
+        Part()
+        if not rows
+        else Part("", ("", "scene", "figure", "unit", *versions), rows, notes, words=4, tight=True)
+    )
+
+
+def _shown(metric: str, value: float) -> str:
+    if np.isnan(value):
+        return "-"
+    shown = METRICS[metric].shown if metric in METRICS else None
+    return number(value * (shown[1] if shown else 1.0))

@@ -1,4 +1,4 @@
-"""`touchstone import`: a robot of others as a scene file, and the check of many robots."""
+"""Commands on files of robots: `check-engine` of them, and `import`."""
 
 from __future__ import annotations
 
@@ -14,15 +14,61 @@ from touchstone.reports.cli.options import (
     LIMIT_BROKEN,
     Format,
     FormatOption,
+    PrintedOutOption,
     QuietOption,
     ended,
     folder_of_now,
     measuring,
+    output_to,
     require_judge,
     stop,
     write_file,
 )
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption
+
+
+def check_robot(
+    robot: Annotated[Path, typer.Argument(help="File of a robot: URDF or MJCF.")],
+    allow_paths: AllowPathsOption = False,
+    out: PrintedOutOption = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Name what is wrong with a robot: hulls, overlap, inertia, limits, drives, grip; exit 1 on a fault.
+
+    A line each, with what was measured and the remedy. `--quiet` prints faults only.
+    """
+    from touchstone.adapters.registry import installed, missing_reason
+
+    if not installed("mujoco"):
+        stop(f"check-robot needs MuJoCo: {missing_reason('mujoco')}", ENGINE_MISSING)
+    require_judge()
+    from touchstone.adapters.robots.checks.check import CHECKS, findings
+    from touchstone.adapters.robots.checks.finding import FAULT
+    from touchstone.adapters.robots.robot_error import RobotError
+    from touchstone.reports.cli.listing import show_rows
+
+    try:
+        found = list(findings(robot, allow_paths))
+    except RobotError as error:
+        stop(str(error), BAD_INPUT)
+    faults = [one for one in found if one.verdict == FAULT]
+    if quiet:
+        for one in faults:
+            print(f"fault: {one.check}: {one.line}", file=sys.stderr)
+    else:
+        with output_to(out):
+            if output is Format.table:
+                for one in found:
+                    print(f"{one.verdict:6}{one.check:9}{one.line}")
+                for check in CHECKS:
+                    if all(one.check != check for one in found):
+                        print(f"{'ok':6}{check}")
+            else:
+                names = ("verdict", "check", "subject", "text", "remedy")
+                show_rows([{name: getattr(one, name) for name in names} for one in found], output)
+    if faults:
+        raise typer.Exit(LIMIT_BROKEN)
 
 
 def import_robot(
@@ -62,7 +108,7 @@ def import_robot(
 
 def _check(folders: list[Path], out: Path, allow_paths: bool, output: Format, quiet: bool) -> None:
     require_judge()
-    from touchstone.reports.studies.robots import SUFFIXES, robots_below, run, show
+    from touchstone.reports.studies.robots import SUFFIXES, report, robots_below, run
 
     for folder in folders:
         if not folder.is_dir():
@@ -72,7 +118,7 @@ def _check(folders: list[Path], out: Path, allow_paths: bool, output: Format, qu
         stop(f"--check: no robots ({', '.join(SUFFIXES)}) below {', '.join(map(str, folders))}", BAD_INPUT)
     with measuring(len(robots), quiet) as progress:
         frame = run(robots, out, allow_paths, progress)
-    ended(frame, show, out, output, quiet)
+    ended(frame, report, out, output, quiet)
 
 
 def _import(robot: Path, name: str, path: Path, allow_paths: bool, force: bool, quiet: bool) -> None:

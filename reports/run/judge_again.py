@@ -1,5 +1,3 @@
-"""Recordings of a stored run, measured and judged with today's metrics and limits."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -10,8 +8,8 @@ from pathlib import Path
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recording import scene_of_text
 from touchstone.adapters.workers.children import Job, Outcome
+from touchstone.reports.changes import RunError, label_of, recordings_of, table_of
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.compare.stored import RunError, label_of, recordings_of, table_of
 from touchstone.reports.metrics import HORIZON
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, save, save_manifest, table

@@ -1,0 +1,261 @@
+"""Commands on stored runs: `compare`, `failings measure`, `judge`, `tolerances`, `view`."""
+
+from __future__ import annotations
+
+import sys
+import webbrowser
+from collections.abc import Hashable, Mapping
+from enum import StrEnum
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    LIMIT_BROKEN,
+    Format,
+    FormatOption,
+    PrintedOutOption,
+    QuietOption,
+    exit_for,
+    folder_of_now,
+    known,
+    output_to,
+    printed,
+    progress_for,
+    require_judge,
+    require_new,
+    stop,
+    tell_failures,
+    write_file,
+)
+from touchstone.reports.cli.scenes.chosen import LimitsOption, limits_for, metrics_for
+
+PLACE = ("scenario", "engine", "profile", "metric", "subject")
+
+
+class Matching(StrEnum):
+    """Columns that are compared."""
+
+    exact = "exact"
+    profile = "profile"
+
+
+def compare(
+    run_a: Annotated[Path, typer.Argument(help="Folder of the earlier run.")],
+    run_b: Annotated[Path, typer.Argument(help="Folder of the later run.")],
+    tolerance: Annotated[
+        Path | None, typer.Option(help="TOML or JSON file of tolerances per metric, after the default ones.")
+    ] = None,
+    metric: Annotated[
+        list[str] | None, typer.Option(help="Compare these metrics alone; patterns such as 'friction.*'.")
+    ] = None,
+    match: Annotated[
+        Matching,
+        typer.Option(
+            help="Compare columns of equal profile, settings and step (exact), or of equal profile."
+        ),
+    ] = Matching.exact,
+    allow_gone: Annotated[
+        bool,
+        typer.Option("--allow-gone", help="Accept that run B lacks scenes, engines or figures of run A."),
+    ] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Show changes within limits and new rows too.")
+    ] = False,
+    out: PrintedOutOption = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Show what changed beyond intervals, limits and tolerances; exit 1 if anything is worse or gone."""
+    from touchstone.reports.changes import (
+        FAILING,
+        KINDS,
+        SHOWN,
+        RunError,
+        changes,
+        report,
+        table_of,
+        tolerances,
+    )
+    from touchstone.reports.cli.scenes.chosen import metrics_for
+    from touchstone.scenarios.files.read import SceneFileError
+
+    try:
+        one, two = table_of(run_a), table_of(run_b)
+        if metric:
+            wanted = metrics_for(metric)
+            one, two = (frame[frame.metric.isin(wanted) | (frame.metric == "run")] for frame in (one, two))
+        found = changes(one, two, tolerances(tolerance), match is Matching.profile)
+    except (RunError, SceneFileError) as error:
+        stop(str(error), BAD_INPUT)
+    counts = {kind: int((found.kind == kind).sum()) for kind in KINDS}
+    failing = ["worse"] if allow_gone else FAILING
+    with output_to(out):
+        if not printed(found[SHOWN], output) and not quiet:
+            from touchstone.reports.views.render import console, print_parts
+
+            shown = found if every else found[found.kind.isin([*FAILING, "better"])]
+            print_parts(report(shown), console())
+            listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+            print(f"{len(one)} and {len(two)} rows: {listed}")
+    for row in found[found.kind.isin(failing)].to_dict("records") if quiet else ():
+        place = " ".join(filter(None, (row[name] for name in PLACE)))
+        print(f"{row['kind']}: {place}: {row['reason']}", file=sys.stderr)
+    if counts["worse"] or (counts["gone"] and not allow_gone):
+        raise typer.Exit(LIMIT_BROKEN)
+
+
+failings = typer.Typer(no_args_is_help=True, help="Known failings.")
+
+
+@failings.callback()
+def _group() -> None:
+    """Known failings: `touchstone list failings` counts them."""
+
+
+@failings.command()
+def measure(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")],
+) -> None:
+    """Write the sizes of the known failings of runs to the table of failings, and print the difference."""
+    from touchstone.reports.changes import RunError, table_of
+    from touchstone.reports.results import rows_of
+    from touchstone.reports.verdict.failings import FILE, FailingsError, read, write
+    from touchstone.reports.verdict.measure import difference, measured
+
+    try:
+        old = read(FILE)
+        new = measured(old, (row for run in runs for row in rows_of(table_of(run))))
+    except (RunError, FailingsError) as error:
+        stop(str(error), BAD_INPUT)
+    changed = list(difference(old, new))
+    if changed:
+        write(new.values(), FILE)
+    print("\n".join([*changed, f"{FILE}: {len(new)} lines, {len(changed)} changed"]))
+
+
+def judge(
+    run: Annotated[Path, typer.Argument(help="Folder of a run, with its recordings.")],
+    metric: Annotated[
+        list[str] | None, typer.Option(help="Report these metrics alone; patterns such as 'friction.*'.")
+    ] = None,
+    limits: LimitsOption = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/judged-<time>).")] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Judge the recordings of an earlier run with today's metrics and limits."""
+    from touchstone.reports.changes import RunError
+    from touchstone.reports.metrics.oracles import judge_faults
+    from touchstone.reports.output_folder import OutputError
+    from touchstone.reports.run.judge_again import judge as judge_again
+
+    folder = out or folder_of_now("judged-")
+    chosen, of_file = metrics_for(metric or []), limits_for(limits, ())
+    count = len(list((run / "recordings").glob("*.npz")))
+    command = " ".join(["touchstone", *sys.argv[1:]])
+    try:
+        with progress_for(count, quiet) as progress:
+            results = judge_again(run, folder, progress, chosen, of_file, command)
+    except (RunError, OutputError) as error:
+        stop(str(error), BAD_INPUT)
+    for line in [] if quiet else judge_faults():
+        print(line, file=sys.stderr)
+    if not printed(results.frame, output) and not quiet:
+        from touchstone.reports.views.render import console, print_parts
+        from touchstone.reports.views.terminal import report
+
+        print_parts(report(results.frame), console())
+        print(f"results: {folder}")
+    if quiet:
+        tell_failures(results.frame)
+    exit_for(results.frame.verdict, by_name=False)
+
+
+def tolerances(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs of one program on one machine.")],
+    out: Annotated[
+        Path | None, typer.Option(help="TOML file to write for `compare --tolerance` (default: none).")
+    ] = None,
+    output: FormatOption = Format.table,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure how far apart times are between runs of one program: the tolerances of `compare` here."""
+    from touchstone.reports.changes import RunError, differences, table_of, toml_of
+    from touchstone.reports.cli.listing import show_rows
+
+    names = [str(run) for run in dict.fromkeys(runs)]
+    if len(names) < 2:
+        stop(f"{names[0]}: name two runs or more", BAD_INPUT)
+    if out is not None:
+        require_new(out)
+    try:
+        found = differences({name: table_of(Path(name)) for name in names})
+    except RunError as error:
+        stop(str(error), BAD_INPUT)
+    if out is not None:
+        write_file(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
+    if not printed(found, output) and not quiet:
+        show_rows([_shown(row) for row in found.to_dict("records")], "table")
+        if out is not None:
+            print(out)
+
+
+def _shown(row: Mapping[Hashable, Any]) -> dict[str, object]:
+    """A row with its shares in per cent."""
+    texts = {
+        name: f"{100 * row[name]:.3g} %" if isfinite(row[name]) else "not judged"
+        for name in ("median", "largest", "tolerance")
+    }
+    return {"metric": row["metric"], "rows": row["rows"], **texts}
+
+
+MOST = 6
+"""Recordings that the player shows side by side [1]."""
+
+
+def view(
+    run: Annotated[Path, typer.Argument(help="Folder of a run, with its recordings.")],
+    scenario: Annotated[str, typer.Argument(help="Scene of the run (default: its first).")] = "",
+    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: each engine's own).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Page to write (default: RUN/view-SCENE.html).")] = None,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
+) -> None:
+    """Play a scene of a run: engines side by side, one clock, one camera, with contacts and overlap.
+
+    Writes one page that needs no network, from the recordings, and opens it.
+    """
+    from touchstone.reports.changes import RunError
+    from touchstone.reports.page.run_page import own_columns, scene_page, scenes_of
+
+    if out is not None:
+        require_new(out)
+    try:
+        found = scenes_of(run)
+        name = known("scenario", scenario, found) if scenario else next(iter(found))
+        columns = found[name]
+        for wanted, kind, place in ((engine, "engine", 0), (profile, "profile", 1)):
+            names = {column[place] for column in columns}
+            kept = [known(kind, one, names) for one in wanted or names]
+            columns = {column: path for column, path in columns.items() if column[place] in kept}
+        if not columns:
+            stop(f"{run}: no recording of {name} fits --engine and --profile", BAD_INPUT)
+        if not profile:
+            columns = own_columns(columns)
+        require_judge()
+        shown = dict(list(columns.items())[:MOST])
+        if len(columns) > MOST:
+            left = ", ".join(" ".join(column) for column in list(columns)[MOST:])
+            print(f"not shown, more than {MOST}: {left} (--engine, --profile)", file=sys.stderr)
+        text = scene_page(run, name, shown)
+    except RunError as error:
+        stop(str(error), BAD_INPUT)
+    path = out or run / f"view-{name}.html"
+    write_file(path, lambda part: part.write_text(text, "utf-8"))
+    if show and not webbrowser.open(f"{path.absolute().as_uri()}#play={name}"):
+        print("no browser was found; open the page by hand", file=sys.stderr)
+    print(path)

@@ -1,1 +1,0 @@
-"""Runs that are stored: compared with each other, and judged again."""

@@ -1,1 +1,0 @@
-"""Output on terminals of any width."""

@@ -1,1 +1,0 @@
-"""Released versions of an engine, compared."""
