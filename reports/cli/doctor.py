@@ -39,7 +39,7 @@ def environment_rows() -> list[tuple[str, str, str]]:
     rows = [row_of(one) for one in environments() if one.folder.exists()]
     return [
         (
-            f"environment {row['engine']}",
+            f"{row['engine']} folder",
             f"{row['state']}, {row['size [MB]']} MB, {row['folder']}",
             "" if row["state"] == "ok" else "broken",
         )

@@ -2,11 +2,11 @@
 
 from touchstone.adapters.engines.entry import Entry
 
-XPBD, MUJOCO, ELLIPTIC, STEEL = "xpbd", "mujoco", "mujoco-elliptic", "steel"
+XPBD, MUJOCO, ELLIPTIC, STEEL, KAMINO = "xpbd", "mujoco", "mujoco-elliptic", "steel", "kamino"
 ENTRY = Entry(
     "touchstone.adapters.engines.newton.engine:NewtonEngine",
     "newton",
-    {XPBD: 1 / 600, MUJOCO: 1 / 600, ELLIPTIC: 1 / 600, STEEL: 1 / 240},
+    {XPBD: 1 / 600, MUJOCO: 1 / 600, ELLIPTIC: 1 / 600, STEEL: 1 / 240, KAMINO: 1 / 300},
     color="#882255",
     marker="X",
     rounding="everything in single precision",

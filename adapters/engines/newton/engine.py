@@ -4,15 +4,16 @@ Conventions: quaternions are xyzw; boxes and ellipsoids have half sides, a capsu
 velocity is that of its centre of mass, then the angular velocity, along world axes. A contact's normal points
 from shape 0 to shape 1; its points are given in the frames of their bodies, its force acts on the body of
 shape 0 and is the mean over the step; force times dt is the impulse. Contacts are those of the step's start.
-XPBD does not report the impulses by which it restores restitution after its positions are solved.
-Friction and restitution are given per shape: XPBD and Steel take the mean of both, MuJoCo the larger of both
-frictions. Torsional and rolling friction, which Newton has by default, are off.
+XPBD does not report the impulses by which it restores restitution after its positions are solved. Friction
+and restitution are given per shape: MuJoCo takes the larger friction, the others the mean of both. MuJoCo has
+no restitution, nor has Kamino with its defaults. Torsional and rolling friction, which Newton has by default,
+are off.
 
 Profiles, at the steps of Newton's examples of rigid contact: `xpbd` (ten iterations; restitution where a pair
-has some) and `steel` take the contacts of Newton's CollisionPipeline; `mujoco` (MuJoCo Warp) and
-`mujoco-elliptic`, with the cone that these examples choose, detect their own. All else has Newton's defaults,
-but the room for contacts: MuJoCo Warp estimates it from the start of a scene, and drops what exceeds it.
-Featherstone and the semi-implicit solver report no contact forces, and have no profile.
+has some) and `steel` take the contacts of Newton's CollisionPipeline; `mujoco` (MuJoCo Warp),
+`mujoco-elliptic` with the cone that these examples choose, and `kamino` detect their own. All else has
+Newton's defaults, but the room for contacts: MuJoCo Warp estimates it from the start of a scene, and drops
+what exceeds it. Featherstone and the semi-implicit solver report no contact forces, and have no profile.
 https://newton-physics.github.io/newton/stable/solvers/index.html
 """
 
@@ -37,8 +38,8 @@ from touchstone.adapters.contract import (
     State,
     Unsupported,
 )
-from touchstone.adapters.engines.newton import ENTRY, STEEL
-from touchstone.adapters.engines.newton.model import CPU, OF_MUJOCO, WORLD, model_of, solver_of
+from touchstone.adapters.engines.newton import ENTRY, KAMINO, STEEL
+from touchstone.adapters.engines.newton.model import CPU, INELASTIC, OF_MUJOCO, WORLD, model_of, solver_of
 from touchstone.adapters.registry import require_profile
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import Scenario
@@ -49,7 +50,7 @@ what exceeded its room."""
 
 
 class NewtonEngine:
-    """Newton with XPBD; `mujoco` and `mujoco-elliptic` with MuJoCo Warp, `steel` with Steel."""
+    """Newton with XPBD; `mujoco` and `mujoco-elliptic` with MuJoCo Warp, `steel` with Steel, `kamino`."""
 
     name: ClassVar[str] = "newton"
     profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
@@ -66,6 +67,8 @@ class NewtonEngine:
             raise Unsupported("newton: the adapter has no moving surfaces")
         if settings.sleeping:
             raise Unsupported("newton: these solvers have no sleeping on the CPU")
+        if settings.profile == KAMINO and not any(scenario.touching_pairs()):
+            raise Unsupported("newton: Kamino steps no scene in which nothing can touch")
         return World(scenario, settings)
 
     def version(self) -> str:
@@ -90,6 +93,8 @@ class World:
         if settings.profile in OF_MUJOCO:
             most = self._solver.get_max_contact_count()
             self._contacts = newton.Contacts(most, 0, device=CPU)
+        elif settings.profile == KAMINO:
+            self._contacts = newton.Contacts(self._model.rigid_contact_max, 0, device=CPU)
         else:
             self._detector = newton.CollisionPipeline(self._model)
             self._contacts = self._detector.contacts()
@@ -201,12 +206,13 @@ class World:
             names = ("iterations", "ls_iterations", "tolerance", "impratio", "cone", "solver", "integrator")
             facts |= {name: float(getattr(options, name)) for name in names}
             facts["mujoco_warp"] = version("mujoco-warp")
-            facts["restitution"] = "none: the MuJoCo solver has springs"
         else:
             facts["rigid_gap [m]"] = float(newton.ModelBuilder().rigid_gap)
             names = ("iterations", "rigid_contact_relaxation", "angular_damping", "baumgarte", "cfm")
             names += ("enable_restitution", "restitution_velocity_threshold")
             facts |= {name: float(getattr(solver, name)) for name in names if hasattr(solver, name)}
+        if self._settings.profile in INELASTIC:
+            facts["restitution"] = "none"
         return facts
 
     def _pairs(self) -> tuple[PairFacts, ...]:

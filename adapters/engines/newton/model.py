@@ -10,7 +10,7 @@ import warp
 from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import Array, Settings
-from touchstone.adapters.engines.newton import ELLIPTIC, MUJOCO, STEEL, XPBD
+from touchstone.adapters.engines.newton import ELLIPTIC, KAMINO, MUJOCO, STEEL, XPBD
 from touchstone.adapters.engines.newton.settings import SETTINGS
 from touchstone.adapters.material_combine import (
     check_range,
@@ -23,26 +23,28 @@ from touchstone.scenarios import scenario as shapes
 from touchstone.scenarios.scenario import Body, Piece, Scenario
 
 RESTITUTION_MAX = 0.3
-"""Restitution up to which impacts are played without any under the MuJoCo solver [1], which has springs
-alone: that of the materials of Table 1; a body then keeps 9 % of the energy of its approach."""
+"""Restitution up to which impacts are played without any by solvers that have none [1]: that of the materials
+of Table 1; a body then keeps 9 % of the energy of its approach."""
 CONTACTS_PER_SHAPE = 32
 """Room for contacts [1]: four faces of boxes with eight points each."""
 STEEL_ROWS = 512
 """Steel's default room for rows of contacts [1]; a contact has three, one of MuJoCo's pyramids four."""
 CPU = "cpu"
 OF_MUJOCO = (MUJOCO, ELLIPTIC)
+INELASTIC = (*OF_MUJOCO, KAMINO)
+"""Profiles whose solver has no restitution."""
 WORLD = -1
 """Body to which Newton attaches the shapes of fixed bodies."""
 
 
 def factors_of(scenario: Scenario, profile: str) -> tuple[list[float], list[float]]:
     """Friction and restitution per body, by the combine rule of the profile's solver."""
-    bounce = restitutions(scenario)
-    if profile in OF_MUJOCO:
+    bounce, rubbing = restitutions(scenario), frictions(scenario)
+    mix = maximum_factors if profile in OF_MUJOCO else mean_factors
+    friction = mix("newton", "friction", scenario, rubbing)
+    if profile in INELASTIC:
         check_range("newton", "restitution", scenario, bounce, greatest=RESTITUTION_MAX)
-        none = [0.0] * len(scenario.bodies)
-        return maximum_factors("newton", "friction", scenario, frictions(scenario)), none
-    friction = mean_factors("newton", "friction", scenario, frictions(scenario))
+        return friction, [0.0] * len(scenario.bodies)
     return friction, mean_factors("newton", "restitution", scenario, bounce)
 
 
@@ -110,15 +112,17 @@ def solver_of(model: Any, settings: Settings) -> Any:
     """The solver of a profile."""
     iterations = SETTINGS.in_force(settings.profile, settings.changes)["iterations"]
     solvers = newton.solvers
-    match settings.profile:
-        case profile if profile == XPBD:
-            bounces = bool(model.shape_material_restitution.numpy().any())
-            return solvers.SolverXPBD(model, iterations=iterations, enable_restitution=bounces)
-        case profile if profile == STEEL:
-            rows = 3 * CONTACTS_PER_SHAPE * model.shape_count
-            return solvers.SolverSteel(
-                model, iterations=iterations, free_body_constraint_max=max(STEEL_ROWS, rows)
-            )
+    if settings.profile == XPBD:
+        bounces = bool(model.shape_material_restitution.numpy().any())
+        return solvers.SolverXPBD(model, iterations=iterations, enable_restitution=bounces)
+    if settings.profile == STEEL:
+        rows = max(STEEL_ROWS, 3 * CONTACTS_PER_SHAPE * model.shape_count)
+        return solvers.SolverSteel(model, iterations=iterations, free_body_constraint_max=rows)
+    if settings.profile == KAMINO:
+        config = solvers.SolverKamino.Config.from_model(model)
+        config.use_collision_detector = True
+        config.padmm.max_iterations = iterations
+        return solvers.SolverKamino(model, config=config)
     cone = "elliptic" if settings.profile == ELLIPTIC else "pyramidal"
     most = CONTACTS_PER_SHAPE * max(model.shape_count, 1)
     return solvers.SolverMuJoCo(model, iterations=iterations, cone=cone, nconmax=most, njmax=4 * most)

@@ -7,5 +7,5 @@ from touchstone.adapters.knobs import Range, Table
 
 SETTINGS = Table(
     ENTRY.profiles,
-    (Range("iterations", 1, 1e6, "", ("10", "100", "100", "12"), "most iterations of the solver"),),
+    (Range("iterations", 1, 1e6, "", ("10", "100", "100", "12", "200"), "most iterations of the solver"),),
 )
