@@ -48,6 +48,12 @@ CONTACT_FORCE, OVERFLOW = "contact_f", "overflow"
 """Observables of the solvers: the force of each contact [N] on the body of its shape 0; MuJoCo Warp's bits of
 what exceeded its room."""
 
+OF_SOLVERS = (
+    *("iterations", "rigid_contact_relaxation", "angular_damping", "baumgarte", "cfm"),
+    *("enable_restitution", "restitution_velocity_threshold"),
+)
+"""Settings that some solvers have as attributes."""
+
 
 class NewtonEngine:
     """Newton with XPBD; `mujoco` and `mujoco-elliptic` with MuJoCo Warp, `steel` with Steel, `kamino`."""
@@ -202,15 +208,12 @@ class World:
             "collision_shapes": int(model.shape_count),
         }
         if self._settings.profile in OF_MUJOCO:
-            options = solver.mj_model.opt
-            names = ("iterations", "ls_iterations", "tolerance", "impratio", "cone", "solver", "integrator")
-            facts |= {name: float(getattr(options, name)) for name in names}
+            options = ("iterations", "ls_iterations", "tolerance", "impratio", "cone", "solver", "integrator")
+            facts |= {name: float(getattr(solver.mj_model.opt, name)) for name in options}
             facts["mujoco_warp"] = version("mujoco-warp")
         else:
             facts["rigid_gap [m]"] = float(newton.ModelBuilder().rigid_gap)
-            names = ("iterations", "rigid_contact_relaxation", "angular_damping", "baumgarte", "cfm")
-            names += ("enable_restitution", "restitution_velocity_threshold")
-            facts |= {name: float(getattr(solver, name)) for name in names if hasattr(solver, name)}
+            facts |= {name: float(getattr(solver, name)) for name in OF_SOLVERS if hasattr(solver, name)}
         if self._settings.profile in INELASTIC:
             facts["restitution"] = "none"
         return facts
