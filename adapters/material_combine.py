@@ -77,6 +77,36 @@ def minimum_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -
     return factors
 
 
+def mean_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -> list[float]:
+    """Factors per body with (f_a + f_b) / 2 = the pair's coefficient, for engines that take the mean.
+
+    Solves a linear system by its normal equations, as `product_factors`. Raises Unsupported with the pairs if
+    no factors exist that are not negative.
+    """
+    count = len(scenario.bodies)
+    system, sums = np.zeros((count, count)), np.zeros(count)
+    for (a, b), value in wanted.items():
+        system[np.ix_((a, b), (a, b))] += 1.0
+        sums[[a, b]] += 2 * value
+    factors = np.maximum(np.linalg.lstsq(system, sums, rcond=None)[0], 0.0).tolist()
+    _check(engine, kind, scenario, wanted, factors, lambda f, g: (f + g) / 2)
+    return factors
+
+
+def maximum_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -> list[float]:
+    """Factors per body with max(f_a, f_b) = the pair's coefficient, for engines that take the maximum.
+
+    The smallest coefficient among a body's pairs is the only candidate. Raises Unsupported with the pairs if
+    no factors exist.
+    """
+    factors = [
+        min((value for pair, value in wanted.items() if k in pair), default=0.0)
+        for k in range(len(scenario.bodies))
+    ]
+    _check(engine, kind, scenario, wanted, factors, max)
+    return factors
+
+
 def _check(
     engine: str,
     kind: str,

@@ -11,6 +11,7 @@ import importlib.util
 import shlex
 import sys
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from touchstone.adapters.contract import AdapterError, Engine, NotInstalled, Settings, Unsupported
@@ -25,12 +26,13 @@ from touchstone.adapters.engines.entry import (
 )
 from touchstone.adapters.engines.plugin import declared, distribution_of, entry_declared, entry_of
 from touchstone.adapters.knobs import SettingError, Table
+from touchstone.adapters.workers.own_environment import OwnEnvironment
 
 __all__ = ["ACCURATE", "DEFAULT", "ENGINES", "MAXIMAL", "RECOMMENDED", "SLEEPING", "Entry"]
 
 DEFAULT_ENGINES = ("reference", "dart", "bullet", "mujoco")
 """Engines that play where none is named."""
-OURS = {name: f"touchstone.adapters.engines.{name}:ENTRY" for name in (*DEFAULT_ENGINES, "drake")}
+OURS = {name: f"touchstone.adapters.engines.{name}:ENTRY" for name in (*DEFAULT_ENGINES, "drake", "newton")}
 """Engines of this project: name -> entry point, as in `pyproject.toml`."""
 
 
@@ -84,14 +86,28 @@ def registered(name: str) -> str:
 
 
 def installed(name: str) -> bool:
-    """Whether an engine's package can be found; imports nothing."""
-    return importlib.util.find_spec(_known(name).package) is not None
+    """Whether an engine's package can be found, by its child process at least; imports nothing."""
+    return packages_of(name) is not None or importlib.util.find_spec(_known(name).package) is not None
+
+
+def own_environment(name: str) -> OwnEnvironment | None:
+    """Environment of its own that an engine needs; None for one that is installed beside this program."""
+    entry = ENGINES.get(name) or (_entry_of_ours(name) if name in OURS else None)
+    return OwnEnvironment(name, entry.pins) if entry is not None and entry.pins else None
+
+
+def packages_of(name: str) -> Path | None:
+    """Folder that a child process of an engine finds first: its own environment, if that has been added."""
+    own = own_environment(name)
+    return own.folder if own is not None and own.folder.exists() else None
 
 
 def missing_reason(name: str) -> str:
     """Why an engine is skipped if it is not installed."""
     entry = _known(name)
     requirement, last = entry.requirement, entry.last_wheel
+    if entry.pins:
+        return f"not installed (touchstone env add {name})"
     if not requirement:
         return f"not installed (no module {entry.package!r})"
     compiled = ""
@@ -103,8 +119,9 @@ def missing_reason(name: str) -> str:
 
 def load(name: str) -> Engine:
     """Load the engine called `name`; raises NotInstalled with the package that pip installs."""
-    if not installed(name):
-        raise NotInstalled(missing_reason(name))
+    if importlib.util.find_spec(_known(name).package) is None:
+        place = packages_of(name)
+        raise NotInstalled(f"not found in this process, but in {place}" if place else missing_reason(name))
     engine: Engine = _named(_entry(name).implementation)()
     return engine
 

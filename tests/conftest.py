@@ -58,7 +58,7 @@ from touchstone.scenarios.solids import box_inertia, sphere_inertia
 # `make test` draws the same cases every time; `make test-all` draws new ones
 hypothesis_settings.register_profile("repeatable", derandomize=True)
 
-pytest_plugins = ["duration_budget", "forked_children"]
+pytest_plugins = ["duration_budget", "forked_children", "owned_engine"]
 FRAME = 1 / 60
 FOLDER = "TOUCHSTONE_TEST_SESSION"
 """Environment variable with the folder that the workers of a test session share."""

@@ -12,7 +12,7 @@ from typing import Any
 from touchstone.adapters.conformance import contacts, facts, motion
 from touchstone.adapters.conformance.bench import Bench, ContractError
 from touchstone.adapters.contract import Engine, Settings, Unsupported
-from touchstone.adapters.registry import load, profiles_of, registered
+from touchstone.adapters.registry import load, packages_of, profiles_of, registered
 from touchstone.adapters.workers.process import ChildProcess
 
 PATIENCE = 60.0
@@ -65,7 +65,8 @@ def check(
                 continue
             if child is None:
                 output = Path(folder, f"output{number}.txt")
-                child = ChildProcess(_Checker, (name, loader, settings), output, patience)
+                arguments = name, loader, settings
+                child = ChildProcess(_Checker, arguments, output, patience, packages_of(name))
             child.send("check", one)
             answer = child.receive(0.0 if number else LOAD_PATIENCE)
             place = f"in the check {one!r}"

@@ -34,6 +34,8 @@ class Entry:
         settings: "module:table" of the settings that `--set` changes (`knobs.py`); "" if it has none.
         script: module whose `parts` and `settings_lines` say a scene in the engine's own API
             (`adapters/scripts`); "" if it has none.
+        pins: "name==version" of all packages of an environment of its own (`workers/own_environment.py`), for
+            requirements that conflict with this program's; () if it needs none.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
     the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at
@@ -55,6 +57,7 @@ class Entry:
     compiles: str = ""
     settings: str = ""
     script: str = ""
+    pins: tuple[str, ...] = ()
 
 
 ENGINES: dict[str, Entry] = {}

@@ -18,7 +18,7 @@ from typing import Any
 from touchstone.adapters.contract import AdapterError, Engine, Settings
 from touchstone.adapters.recorder import ready, warm_up
 from touchstone.adapters.recording import RecordingError
-from touchstone.adapters.registry import ENGINES, load, waiting_note
+from touchstone.adapters.registry import ENGINES, load, packages_of, waiting_note
 from touchstone.adapters.workers.process import (
     COMPILE_PATIENCE,
     PATIENCE,
@@ -188,7 +188,8 @@ class _Child(ChildProcess):
     """Parent's end of one child."""
 
     def __init__(self, job: Job, loader: Loader, patience: float, core: int | None) -> None:
-        super().__init__(_Run, (job.engine, loader, core), job.output, patience)
+        packages = packages_of(job.engine)
+        super().__init__(_Run, (job.engine, loader, core), job.output, patience, packages)
         self.take(job)
 
     def take(self, job: Job) -> None:

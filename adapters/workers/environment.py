@@ -11,7 +11,6 @@ import hashlib
 import importlib.util
 import os
 import re
-import subprocess
 import sys
 import sysconfig
 import venv
@@ -23,23 +22,16 @@ from pathlib import Path
 
 from touchstone.adapters.contract import AdapterError, Engine, NotInstalled
 from touchstone.adapters.registry import ENGINES, distribution, load
+from touchstone.adapters.workers.pip_calls import cache_folder, pip_fault
 from touchstone.adapters.workers.scratch import Claimed, claimed_folder
 
 SHARED = ("numpy", "scipy")
 """Libraries that every version shares with this program: results depend on them."""
 VERSION = re.compile(r"[0-9][0-9A-Za-z.!+_-]*")
-NEWEST = 6
-"""Number of released versions that a message lists [1]."""
 
 
 class VersionError(Exception):
     """A version of an engine cannot be had; one line."""
-
-
-def environments_folder() -> Path:
-    """Folder of the environments."""
-    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(home) / "touchstone" / "engines"
 
 
 def environment(engine: str, version: str) -> Path | None:
@@ -55,7 +47,7 @@ def environment(engine: str, version: str) -> Path | None:
         return None
     shared = {library: version_of(library) for library in SHARED}
     digest = hashlib.sha256(repr((sys.version, sorted(shared.items()), _own_paths())).encode()).hexdigest()
-    place = environments_folder() / f"{name}-{version}-{digest[:8]}"
+    place = cache_folder("engines") / f"{name}-{version}-{digest[:8]}"
     if not place.exists():
         try:
             # Scripts of a virtual environment would name the temporary folder; nothing here runs them.
@@ -82,36 +74,9 @@ def _install(folder: Path, name: str, version: str, shared: Mapping[str, str]) -
     (_packages(folder) / "touchstone-libraries.pth").write_text("\n".join(_own_paths()) + "\n", "utf-8")
     held = folder / "shared.txt"
     held.write_text("".join(f"{library}=={number}\n" for library, number in shared.items()), "utf-8")
-    call = [sys.executable, "-m", "pip", "--python", str(folder / "bin" / "python"), "install"]
-    call += ["--disable-pip-version-check", "--no-input", "--prefer-binary", "--quiet"]
-    done = subprocess.run(
-        [*call, "--constraint", str(held), f"{name}=={version}"],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        errors="replace",
-    )
-    if done.returncode:
-        raise VersionError(f"{name} {version}: {pip_reason(done.stderr, name)}")
-
-
-def pip_reason(text: str, name: str) -> str:
-    """Why pip failed, in one line, from its messages."""
-    if "No module named pip" in text:
-        return f"pip is missing: {sys.executable} -m ensurepip"
-    released = re.search(r"from versions: ([^)]*)\)", text)
-    if released:
-        versions = [one.strip() for one in released[1].split(",")]
-        if versions != ["none"]:
-            return f"does not exist for this interpreter; released: {', '.join(versions[-NEWEST:])}"
-        return f"pip finds no {name}: it is not released, or there is no connection"
-    if "ResolutionImpossible" in text or "conflict" in text.lower():
-        return f"cannot be installed beside {' and '.join(SHARED)} of this program"
-    causes = re.findall(r"^\s*(\w*(?:Error|Exception): .+|ERROR: .+)$", text, re.MULTILINE)
-    own = [cause for cause in causes if not cause.startswith("ERROR:")]
-    reason = (own or causes or [text.strip() or "pip said nothing"])[-1]
-    return f"cannot be built: {' '.join(reason.split())[:160]}"
+    wanted = ["--prefer-binary", "--constraint", str(held), f"{name}=={version}"]
+    if fault := pip_fault(wanted, name, folder / "bin" / "python"):
+        raise VersionError(f"{name} {version}: {fault}")
 
 
 def _own_paths() -> list[str]:

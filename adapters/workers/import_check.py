@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from touchstone.adapters.contract import MISSING, UNIMPORTABLE, AdapterError, Engine
-from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
+from touchstone.adapters.registry import ENGINES, installed, load, missing_reason, packages_of
 from touchstone.adapters.workers.process import ChildProcess
 from touchstone.adapters.workers.scratch import scratch_folder
 
@@ -40,7 +40,8 @@ def try_imports(
             except AdapterError as error:  # a plug-in that cannot be loaded
                 found[name] = Imported(UNIMPORTABLE, str(error))
                 continue
-            children[name] = ChildProcess(_Importer, (loader,), Path(folder, f"{name}.txt"), patience)
+            output = Path(folder, f"{name}.txt")
+            children[name] = ChildProcess(_Importer, (loader,), output, patience, packages_of(name))
             children[name].send("import", name)
         for name, child in children.items():
             version = child.receive()

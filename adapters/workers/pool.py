@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from touchstone.adapters.contract import Engine, Settings
-from touchstone.adapters.registry import load
+from touchstone.adapters.registry import load, packages_of
 from touchstone.adapters.workers.process import PATIENCE, STARTING, ChildProcess
 
 Child = TypeVar("Child", bound=ChildProcess)
@@ -131,6 +131,11 @@ class EngineProcess(ChildProcess):
         self, play: Callable[..., object], output: Path, loader: Loader = load, patience: float = PATIENCE
     ) -> None:
         super().__init__(_Server, (play, loader), output, patience)
+
+    def send(self, command: str, argument: Any = None) -> None:
+        """Send a task to a process that finds its engine."""
+        self.turn_to(packages_of(argument.engine))
+        super().send(command, argument)
 
 
 class _Server:

@@ -23,6 +23,7 @@ from typing import Any, NoReturn, Protocol
 from touchstone.adapters.contract import UNIMPORTABLE, AdapterError
 from touchstone.adapters.engines.entry import ENGINES, Entry
 from touchstone.adapters.workers.orphans import end_with_parent
+from touchstone.adapters.workers.own_environment import found_first
 
 PATIENCE = 120.0
 """Time for one command after which a child counts as hung [s]; children answer within ten seconds of play."""
@@ -133,22 +134,39 @@ class ChildProcess:
     says that the failure was a missing answer."""
 
     def __init__(
-        self, server: Callable[..., Server], arguments: tuple[Any, ...], output: Path, patience: float
+        self,
+        server: Callable[..., Server],
+        arguments: tuple[Any, ...],
+        output: Path,
+        patience: float,
+        packages: Path | None = None,
     ) -> None:
-        """Start a process in which `server(*arguments)` executes commands (`obey`)."""
-        context = multiprocessing.get_context("spawn")
+        """Start a process in which `server(*arguments)` executes commands (`obey`); it finds `packages`
+        first."""
         self.failure: tuple[str, str] | None = None
         self.hung = False
         self._patience = patience
+        self._called = output, server, arguments
+        self._start(packages)
+
+    def _start(self, packages: Path | None) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._packages = packages
         self._up = False
         self._pipe, theirs = context.Pipe()
         known, by_kernel = dict(ENGINES), threading.current_thread() is threading.main_thread()
         self._process = context.Process(
-            target=obey, args=(theirs, output, server, arguments, known, by_kernel), daemon=True
+            target=obey, args=(theirs, *self._called, known, by_kernel), daemon=True
         )
-        with STARTING, interrupt_held(), one_thread(), main_left_out():
+        with STARTING, interrupt_held(), one_thread(), main_left_out(), found_first(packages):
             self._process.start()
         theirs.close()
+
+    def turn_to(self, packages: Path | None) -> None:
+        """Replace the process by one that finds `packages` first, unless this one does."""
+        if self.failure is None and packages != self._packages:
+            self.stop()
+            self._start(packages)
 
     def send(self, command: str, argument: object = None) -> None:
         """Send a command without waiting, so that several children can do untimed work in parallel."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from touchstone.adapters.contract import Array, Engine, Settings, World
 from touchstone.adapters.recorder import frame_seconds, undisturbed
-from touchstone.adapters.registry import load
+from touchstone.adapters.registry import load, packages_of
 from touchstone.adapters.workers.process import PATIENCE, ChildProcess
 from touchstone.scenarios.scenario import Scenario
 
@@ -25,7 +25,7 @@ class Stepper(ChildProcess):
     """
 
     def __init__(self, engine: str, output: Path, loader: Loader = load, patience: float = PATIENCE) -> None:
-        super().__init__(_Server, (engine, loader), output, patience)
+        super().__init__(_Server, (engine, loader), output, patience, packages_of(engine))
         self.engine = engine
 
 

@@ -81,6 +81,21 @@ def imports() -> list[tuple[str, str, str]]:
     return [*rows, *(("judge", UNJUDGED, fault) for fault in faults)]
 
 
+def environment_rows() -> list[tuple[str, str, str]]:
+    """(name, text, status) of the environments that were added; the status of a broken one is its state."""
+    from touchstone.reports.cli.own_environments import environments, row_of
+
+    rows = [row_of(one) for one in environments() if one.folder.exists()]
+    return [
+        (
+            f"{row['engine']} folder",
+            f"{row['state']}, {row['size [MB]']} MB, {row['folder']}",
+            "" if row["state"] == "ok" else "broken",
+        )
+        for row in rows
+    ]
+
+
 def libraries() -> list[tuple[str, str]]:
     """(library, version) of the libraries on which results depend."""
     from touchstone.reports.cli.listing import package_version
@@ -119,6 +134,7 @@ def doctor(
     found += [
         (name, text if status == "done" else f"{status}: {text}", status) for name, status, text in tried
     ]
+    found += environment_rows()
     found += [(name, text, "") for name, text in libraries()]
     if note := announcement():
         print(note, file=sys.stderr)

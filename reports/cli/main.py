@@ -38,6 +38,8 @@ from touchstone.reports.cli.options import (
     version,
     with_settings,
 )
+from touchstone.reports.cli.own_environments import env
+from touchstone.reports.cli.own_environments import install as install_environments
 from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.stored import compare, failings, judge, tolerances, view
 from touchstone.reports.cli.runs.versions import versions
@@ -71,6 +73,7 @@ app = typer.Typer(
 app.add_typer(study, name="study")
 app.add_typer(reality, name="reality")
 app.add_typer(failings, name="failings")
+app.add_typer(env, name="env")
 app.command()(bench)
 app.command()(soak)
 app.command()(nightly)
@@ -151,6 +154,9 @@ def run(
     hold_last: Annotated[
         bool, typer.Option("--hold-last", help="Repeat a tracker's last good sample where one is not finite.")
     ] = False,
+    install: Annotated[
+        bool, typer.Option("--install", help="Add the environments that named engines need (touchstone env).")
+    ] = False,
     limits: LimitsOption = None,
     allow_paths: AllowPathsOption = False,
     yes: Annotated[bool, typer.Option("--yes", help="Play what takes more than an hour, too.")] = False,
@@ -170,6 +176,8 @@ def run(
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
     scenarios = _tracked(scenarios_for(scenario or [], tag, hold_last, allow_paths), tracker, drive)
+    if install:
+        install_environments(engine or [])
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
     # `paper` has no settings: it plays beside a changed `balanced` only where it is named
     columns = request.columns if profile else with_settings(request.columns, change or [])

@@ -20,7 +20,7 @@ from typing import Protocol
 import numpy as np
 import pandas as pd
 
-from touchstone.adapters.registry import load
+from touchstone.adapters.registry import load, packages_of
 from touchstone.adapters.workers.pool import Pool, Slot
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.sweep.cells import TIMING, Cell
@@ -110,7 +110,10 @@ class BatchPool:
                 size = int(BATCH_SECONDS * self._played / self._spent) if self._played else 1
             share = -(-len(left) // self._jobs)
             size = max(1, min(size, share, BATCH_MOST))
-            yield [left.popleft() for _ in range(min(size, len(left)))]
+            batch = [left.popleft()]
+            while left and len(batch) < size and packages_of(left[0].engine) == packages_of(batch[0].engine):
+                batch.append(left.popleft())
+            yield batch
 
     def _timed(self, slot: Slot[Worker], batch: list[Cell]) -> Iterator[list[Done]]:
         start = perf_counter()

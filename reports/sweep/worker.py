@@ -13,7 +13,7 @@ from time import perf_counter
 
 from touchstone.adapters.contract import MISSING, AdapterError, Engine
 from touchstone.adapters.recorder import warm_up
-from touchstone.adapters.registry import installed, load, missing_reason
+from touchstone.adapters.registry import installed, load, missing_reason, packages_of
 from touchstone.adapters.workers.pool import Slot
 from touchstone.adapters.workers.process import ChildProcess, failure_of
 from touchstone.reports.machine import machine
@@ -85,16 +85,18 @@ class Worker(ChildProcess):
 
     def begin(self, cells: Sequence[Cell]) -> None:
         """Import all that the first cell needs, without waiting: several processes can start in parallel."""
+        self.turn_to(packages_of(cells[0].engine))
         self.send("start", list(cells))
         self._begun = True
 
     def play(self, cells: Sequence[Cell]) -> list[Done] | None:
-        """Play cells; None if the process failed (`failure`)."""
+        """Play cells of engines of one environment; None if the process failed (`failure`)."""
         if not self._begun:
             self.begin(cells)
         if not self._started:
             self.receive()
             self._patience, self._started = self._cell_patience, True
+        self.turn_to(packages_of(cells[0].engine))
         found: list[Done] | None = self.ask("play", list(cells))
         return found
 

@@ -11,6 +11,8 @@ from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.material_combine import (
     MIX_TOLERANCE,
     check_range,
+    maximum_factors,
+    mean_factors,
     minimum_factors,
     product_factors,
     restitutions,
@@ -170,3 +172,16 @@ def test_a_crowd_of_hundreds_is_solved_at_once():
     wanted = {(a, b): factors[a] * factors[b] for b in range(len(factors)) for a in range(b)}
     found = product_factors("test", "restitution", many, wanted)
     assert found == pytest.approx(factors.tolist(), rel=1e-10)
+
+
+def test_means_and_maxima_have_factors_or_are_refused():
+    """Three materials: every pair gets its own mean; a maximum below both bodies' others does not exist."""
+    three = crowd("abc", ab=0.4, ac=0.5, bc=0.6)
+    factors = mean_factors("engine", "restitution", three, restitutions(three))
+    assert factors == pytest.approx([0.3, 0.5, 0.7])
+    two = crowd("abb", ab=0.5, bb=0.2)
+    assert maximum_factors("engine", "restitution", two, restitutions(two)) == [0.5, 0.2, 0.2]
+    steep, bouncy = crowd("abc", ab=0.1, ac=0.9, bc=0.1), crowd("abb", ab=0.2, bb=0.5)
+    for solve, scenario, pair in ((mean_factors, steep, "p-q"), (maximum_factors, bouncy, "q-r")):
+        with pytest.raises(Unsupported, match=f"engine: no restitution per body gives the pairs {pair}"):
+            solve("engine", "restitution", scenario, restitutions(scenario))

@@ -42,6 +42,20 @@ with claimed_folder(Path(sys.argv[1])) as folder:
     time.sleep(600)
 """
 
+ADDING = """
+import sys
+from touchstone.adapters.workers.own_environment import OwnEnvironment
+own = OwnEnvironment("owned", ("nothing==1.0",))
+print(own.folder, flush=True)
+own.add()
+"""
+SLOW_PIP = """
+import os, sys, time
+from pathlib import Path
+Path(sys.argv[sys.argv.index("--target") + 1], "half").write_text(str(os.getpid()))
+time.sleep(float(os.environ["SECONDS"]))
+"""
+
 
 def soon(condition, patience=20.0):
     """Whether a condition becomes true."""
@@ -107,3 +121,23 @@ def test_scratch_folders_of_dead_processes_are_removed(tmp_path, monkeypatch):
         assert sorted(tmp_path.iterdir()) == sorted([living, second])
     assert not dead.exists()
     assert os.listdir(tmp_path) == []
+
+
+def test_a_killed_installation_leaves_no_environment(tmp_path):
+    """Kill -9 half-way ends pip too, and leaves no environment; the next installation removes the part."""
+    (tmp_path / "pip.py").write_text(SLOW_PIP)
+    cache = tmp_path / "cache"
+    given = os.environ | {"PYTHONPATH": str(tmp_path), "XDG_CACHE_HOME": str(cache)}
+    call = [sys.executable, "-c", ADDING]
+    parent = subprocess.Popen(call, env=given | {"SECONDS": "600"}, stdout=subprocess.PIPE, text=True)
+    place = Path(parent.stdout.readline().strip())
+    half = place.with_name(f".{place.name}.part") / "half"
+    assert soon(lambda: half.exists() and half.read_text())
+    pip = int(half.read_text())
+    parent.kill()
+    parent.wait()
+    assert soon(lambda: not running(pip))
+    assert not place.exists()
+    subprocess.run(call, env=given | {"SECONDS": "0"}, check=True, capture_output=True)
+    assert list(place.parent.iterdir()) == [place]
+    assert [path.name for path in place.iterdir()] == ["half"]

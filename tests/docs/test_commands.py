@@ -44,6 +44,7 @@ NOT_RUN = {
     "touchstone view runs/versions-TIME": "needs the versions of a package index; tests/reports/versions",
     "touchstone sweep --tag probe --dask": "needs a cluster; tests/reports/sweep",
     "touchstone failings measure": "writes the table of a checkout; tests/reports/verdict/test_failings.py",
+    "touchstone env add": "downloads 600 MB; tests/reports/cli/test_own_environments.py",
     "touchstone docs": "writes the pages of a checkout; tests/reports/cli/test_docs.py",
     "touchstone nightly --store nights ": "half an hour; its --quick is run",
     "touchstone accept last": "needs two nights; tests/reports/nightly",
@@ -158,8 +159,9 @@ def test_a_documented_command_exits_as_its_page_says(one, home):
     for start, reason in NOT_RUN.items():
         if f"{one.text} ".startswith(start) and "--quick" not in one.text:
             pytest.skip(reason)
-    if "drake" in one.arguments and not installed("drake"):
-        pytest.skip(missing_reason("drake"))
+    for name in ("drake", "newton"):
+        if name in one.arguments and not installed(name):
+            pytest.skip(missing_reason(name))
     code, text = call(home, one.arguments)
     assert code == one.code, f"exit {code}\n{text}"
     assert "Traceback" not in text

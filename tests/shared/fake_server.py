@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib.metadata import version
 
 DEADLY = 3
 """Number that kills the process."""
@@ -17,3 +18,8 @@ class Squares:
         if number == DEADLY:
             os._exit(EXIT_CODE)
         return number**2, os.getpid()
+
+
+def library_version(engine, task) -> str:
+    """Version of a library in the process that plays a task."""
+    return version(task.library)

@@ -10,13 +10,8 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.registry import ENGINES, Entry, installed
-from touchstone.adapters.workers.environment import (
-    VersionError,
-    environment,
-    environments_folder,
-    installed_version,
-    pip_reason,
-)
+from touchstone.adapters.workers.environment import VersionError, environment, installed_version
+from touchstone.adapters.workers.pip_calls import cache_folder, pip_reason
 
 HERE = str(Path(__file__).parent)
 SAME, LIGHTER, BROKEN = "1.1", "2.0", "3.0"
@@ -102,7 +97,7 @@ def test_an_update_that_changes_physics_is_told(touchstone, released, tmp_path):
     code, _, err = touchstone("view", "found", "fall", "--engine", "faked", "--no-open")
     assert (code, err.count("\n")) == (2, 1)
     assert "did you mean 'faked==" in err
-    assert not list(environments_folder().glob(".*"))
+    assert not list(cache_folder("engines").glob(".*"))
 
 
 def test_versions_without_a_difference_are_exit_0(touchstone, released):
@@ -163,7 +158,7 @@ def test_why_pip_failed_is_one_line(text, said):
 
 def test_an_interrupted_installation_leaves_nothing(released, monkeypatch):
     """An environment is complete or absent."""
-    from touchstone.adapters.workers import environment as module
+    from touchstone.adapters.workers import pip_calls as module
 
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
@@ -172,7 +167,7 @@ def test_an_interrupted_installation_leaves_nothing(released, monkeypatch):
     monkeypatch.setattr(module.subprocess, "run", interrupted)
     with pytest.raises(KeyboardInterrupt):
         environment("faked", "1.0")
-    assert list(environments_folder().iterdir()) == []
+    assert list(cache_folder("engines").iterdir()) == []
     with pytest.raises(VersionError, match="not a version"):
         environment("faked", "1.0; rm")
 

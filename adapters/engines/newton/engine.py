@@ -1,0 +1,262 @@
+"""Newton: one model per scene on the CPU, stepped by one of its rigid-body solvers in single precision.
+
+Conventions: quaternions are xyzw; boxes and ellipsoids have half sides, a capsule lies along z. A body's
+velocity is that of its centre of mass, then the angular velocity, along world axes. A contact's normal points
+from shape 0 to shape 1; its points are given in the frames of their bodies, its force acts on the body of
+shape 0 and is the mean over the step; force times dt is the impulse. Contacts are those of the step's start.
+XPBD does not report the impulses by which it restores restitution after its positions are solved. Friction
+and restitution are given per shape: MuJoCo takes the larger friction, the others the mean of both. MuJoCo has
+no restitution, nor has Kamino with its defaults. Torsional and rolling friction, which Newton has by default,
+are off.
+
+Profiles, at the steps of Newton's examples of rigid contact: `xpbd` (ten iterations; restitution where a pair
+has some) and `steel` take the contacts of Newton's CollisionPipeline; `mujoco` (MuJoCo Warp),
+`mujoco-elliptic` with the cone that these examples choose, and `kamino` detect their own. All else has
+Newton's defaults, but the room for contacts: MuJoCo Warp estimates it from the start of a scene, and drops
+what exceeds it. Featherstone and the semi-implicit solver report no contact forces, and have no profile.
+https://newton-physics.github.io/newton/stable/solvers/index.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any, ClassVar
+
+import newton
+import numpy as np
+import warp
+
+from touchstone.adapters.contract import (
+    AdapterError,
+    Array,
+    BodyFacts,
+    Manifest,
+    PairFacts,
+    Scalar,
+    Settings,
+    State,
+    Unsupported,
+)
+from touchstone.adapters.engines.newton import ENTRY, KAMINO, STEEL
+from touchstone.adapters.engines.newton.model import CPU, INELASTIC, OF_MUJOCO, WORLD, model_of, solver_of
+from touchstone.adapters.registry import require_profile
+from touchstone.scenarios.avatar.surface_motion import surface_moves
+from touchstone.scenarios.scenario import Scenario
+
+CONTACT_FORCE, OVERFLOW = "contact_f", "overflow"
+"""Observables of the solvers: the force of each contact [N] on the body of its shape 0; MuJoCo Warp's bits of
+what exceeded its room."""
+
+OF_SOLVERS = (
+    *("iterations", "rigid_contact_relaxation", "angular_damping", "baumgarte", "cfm"),
+    *("enable_restitution", "restitution_velocity_threshold"),
+)
+"""Settings that some solvers have as attributes."""
+
+
+class NewtonEngine:
+    """Newton with XPBD; `mujoco` and `mujoco-elliptic` with MuJoCo Warp, `steel` with Steel, `kamino`."""
+
+    name: ClassVar[str] = "newton"
+    profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
+
+    def __init__(self) -> None:
+        warp.config.quiet = True
+
+    def build(self, scenario: Scenario, settings: Settings) -> World:
+        """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
+        require_profile(self.name, settings)
+        if scenario.trackers:
+            raise Unsupported("newton: the adapter has no driven or prescribed bodies")
+        if any(map(surface_moves, scenario.bodies)):
+            raise Unsupported("newton: the adapter has no moving surfaces")
+        if settings.sleeping:
+            raise Unsupported("newton: these solvers have no sleeping on the CPU")
+        if settings.profile == KAMINO and not any(scenario.touching_pairs()):
+            raise Unsupported("newton: Kamino steps no scene in which nothing can touch")
+        return World(scenario, settings)
+
+    def version(self) -> str:
+        """Version of the installed wheel."""
+        return version("newton")
+
+
+class World:
+    """A model, its solver and two states that take turns. `_bodies` has Newton's body per body of the
+    scenario, `_owners` the scenario's body per shape."""
+
+    def __init__(self, scenario: Scenario, settings: Settings) -> None:
+        self._scenario, self._settings = scenario, settings
+        self._model, bodies, owners = model_of(scenario, settings.profile)
+        self._bodies, self._owners = np.array(bodies), np.array(owners)
+        self._free = np.flatnonzero(self._bodies != WORLD)
+        self._fixed = np.flatnonzero(self._bodies == WORLD)
+        self._now, self._before = self._model.state(), self._model.state()
+        self._set_velocities()
+        self._solver, self._control = solver_of(self._model, settings), self._model.control()
+        self._detector: Any = None
+        if settings.profile in OF_MUJOCO:
+            most = self._solver.get_max_contact_count()
+            self._contacts = newton.Contacts(most, 0, device=CPU)
+        elif settings.profile == KAMINO:
+            self._contacts = newton.Contacts(self._model.rigid_contact_max, 0, device=CPU)
+        else:
+            self._detector = newton.CollisionPipeline(self._model)
+            self._contacts = self._detector.contacts()
+        kinds = {CONTACT_FORCE, OVERFLOW} & self._solver.supported_observables
+        self._observed = self._solver.observables(kinds, contacts=self._contacts)
+        self._room = self._observed.overflow if OVERFLOW in kinds else None
+        self._steps = 0
+        self.drive(0)
+
+    def _set_velocities(self) -> None:
+        if not len(self._free):
+            return
+        moved = self._now.body_qd.numpy()
+        for k in self._free:
+            body = self._scenario.bodies[k]
+            moved[self._bodies[k]] = *body.linear_velocity, *body.angular_velocity
+        self._now.body_qd.assign(moved)
+        newton.eval_ik(self._model, self._now, self._now.joint_q, self._now.joint_qd)
+
+    def drive(self, step: int) -> None:
+        """Keep the poses of the step's start, for its contacts: XPBD overwrites its input state."""
+        self._start = self._now.body_q.numpy().astype(float)
+
+    def step(self) -> None:
+        """Find contacts, where the solver does not, and advance by one step."""
+        self._now.clear_forces()
+        if self._detector is not None:
+            self._detector.collide(self._now, self._contacts)
+        given = self._now, self._before, self._control, self._contacts, self._settings.dt
+        self._solver.step(*given, observables=self._observed)
+        self._now, self._before = self._before, self._now
+        self._steps += 1
+
+    def read(self, state: State) -> None:
+        """Read poses and velocities of the step's end, and the contacts that acted in it."""
+        for k in self._fixed:
+            body = self._scenario.bodies[k]
+            state.position[k], state.orientation[k] = body.position, body.orientation
+            state.linear_velocity[k] = state.angular_velocity[k] = 0.0
+        if len(self._free):
+            mine = self._bodies[self._free]
+            pose, moved = self._now.body_q.numpy()[mine], self._now.body_qd.numpy()[mine]
+            state.position[self._free] = pose[:, :3]
+            turn = pose[:, [6, 3, 4, 5]].astype(float)
+            state.orientation[self._free] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
+            state.linear_velocity[self._free] = moved[:, :3]
+            state.angular_velocity[self._free] = moved[:, 3:]
+        self._read_contacts(state)
+
+    def _read_contacts(self, state: State) -> None:
+        state.clear_contacts()
+        contacts = self._contacts
+        count = int(contacts.rigid_contact_count.numpy()[0])
+        if not self._steps or not count:
+            return
+        full = self._solver.constraint_overflow if self._settings.profile == STEEL else self._room
+        if count > contacts.rigid_contact_max or (full is not None and full.numpy().any()):
+            raise AdapterError("newton: more contacts than there is room for; Newton drops the others")
+        a = self._owners[contacts.rigid_contact_shape0.numpy()[:count]]
+        b = self._owners[contacts.rigid_contact_shape1.numpy()[:count]]
+        first = _points(self, a, contacts.rigid_contact_point0, contacts.rigid_contact_offset0)
+        second = _points(self, b, contacts.rigid_contact_point1, contacts.rigid_contact_offset1)
+        normal = contacts.rigid_contact_normal.numpy()[:count].astype(float)
+        impulse = -self._observed.contact_f.numpy()[:count, :3].astype(float) * self._settings.dt
+        distance = ((second - first) * normal).sum(axis=1)
+        acted = (distance <= 0) | impulse.any(axis=1)  # others are candidates within Newton's gap
+        point = (first + second) / 2
+        state.add_contacts(a[acted], b[acted], point[acted], normal[acted], distance[acted], impulse[acted])
+
+    def describe(self) -> Manifest:
+        """Manifest as read from the finalized model."""
+        scenario, model = self._scenario, self._model
+        mass, com, inertia = (
+            array.numpy() if array is not None else np.zeros(0)
+            for array in (model.body_mass, model.body_com, model.body_inertia)
+        )
+        facts = {
+            scenario.bodies[k].name: BodyFacts(
+                float(mass[body]),
+                tuple(com[body].astype(float).tolist()),
+                tuple(tuple(row) for row in inertia[body].astype(float).tolist()),
+            )
+            for k, body in enumerate(self._bodies)
+            if body != WORLD
+        }
+        return Manifest(
+            engine=NewtonEngine.name,
+            version=version("newton"),
+            profile=self._settings.profile,
+            dt=self._settings.dt,
+            settings=self._facts(),
+            bodies=facts,
+            pairs=self._pairs(),
+            pieces={body.name: int((self._owners == k).sum()) for k, body in enumerate(scenario.bodies)},
+            freedom=int(model.joint_dof_count),
+        )
+
+    def _facts(self) -> dict[str, Scalar]:
+        model, solver = self._model, self._solver
+        facts: dict[str, Scalar] = {
+            "solver": type(solver).__name__,
+            "device": str(model.device),
+            "warp": version("warp-lang"),
+            "gravity_vector": str(model.gravity.numpy()[0].astype(float).tolist()),
+            "collision_shapes": int(model.shape_count),
+        }
+        if self._settings.profile in OF_MUJOCO:
+            options = ("iterations", "ls_iterations", "tolerance", "impratio", "cone", "solver", "integrator")
+            facts |= {name: float(getattr(solver.mj_model.opt, name)) for name in options}
+            facts["mujoco_warp"] = version("mujoco-warp")
+        else:
+            facts["rigid_gap [m]"] = float(newton.ModelBuilder().rigid_gap)
+            facts |= {name: float(getattr(solver, name)) for name in OF_SOLVERS if hasattr(solver, name)}
+        if self._settings.profile in INELASTIC:
+            facts["restitution"] = "none"
+        return facts
+
+    def _pairs(self) -> tuple[PairFacts, ...]:
+        """Coefficients per touching pair as the solver combines them."""
+        mu = self._model.shape_material_mu.numpy().astype(float)
+        e = self._model.shape_material_restitution.numpy().astype(float)
+        first = {int(owner): shape for shape, owner in reversed(list(enumerate(self._owners)))}
+        found = []
+        for a, b in self._scenario.touching_pairs():
+            of = [first[a], first[b]]
+            friction = mu[of].max() if self._settings.profile in OF_MUJOCO else mu[of].mean()
+            names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
+            found.append(PairFacts(*names, float(e[of].mean()), float(friction)))
+        return tuple(found)
+
+    def cross(self) -> None:
+        """Make an empty call into Warp."""
+        warp.is_cpu_available()
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """Newton reports none."""
+        return {}
+
+    def work(self) -> Mapping[str, float]:
+        """Newton reports no counters."""
+        return {}
+
+    def close(self) -> None:
+        """Release the model and its solver."""
+        del self._solver, self._detector, self._contacts, self._observed, self._model
+
+
+def _points(world: World, bodies: Array, points: Any, offsets: Any) -> Array:
+    """Places of contacts on the surfaces of bodies (c, 3) [m], at the step's start."""
+    local = points.numpy()[: len(bodies)].astype(float) + offsets.numpy()[: len(bodies)]
+    index = world._bodies[bodies]
+    moving = index != WORLD
+    if not moving.any():
+        return local
+    pose = world._start[index[moving]]
+    axis, w, given = pose[:, 3:6], pose[:, 6:7], local[moving]
+    across = 2 * np.cross(axis, given)
+    local[moving] = pose[:, :3] + given + w * across + np.cross(axis, across)
+    return local

@@ -1,0 +1,128 @@
+"""A scenario as a Newton model: bodies, shapes, friction and restitution per shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import newton
+import numpy as np
+import warp
+from scipy.spatial import ConvexHull
+
+from touchstone.adapters.contract import Array, Settings
+from touchstone.adapters.engines.newton import ELLIPTIC, KAMINO, MUJOCO, STEEL, XPBD
+from touchstone.adapters.engines.newton.settings import SETTINGS
+from touchstone.adapters.material_combine import (
+    check_range,
+    frictions,
+    maximum_factors,
+    mean_factors,
+    restitutions,
+)
+from touchstone.scenarios import scenario as shapes
+from touchstone.scenarios.scenario import Body, Piece, Scenario
+
+RESTITUTION_MAX = 0.3
+"""Restitution up to which impacts are played without any by solvers that have none [1]: that of the materials
+of Table 1; a body then keeps 9 % of the energy of its approach."""
+CONTACTS_PER_SHAPE = 32
+"""Room for contacts [1]: four faces of boxes with eight points each."""
+STEEL_ROWS = 512
+"""Steel's default room for rows of contacts [1]; a contact has three, one of MuJoCo's pyramids four."""
+CPU = "cpu"
+OF_MUJOCO = (MUJOCO, ELLIPTIC)
+INELASTIC = (*OF_MUJOCO, KAMINO)
+"""Profiles whose solver has no restitution."""
+WORLD = -1
+"""Body to which Newton attaches the shapes of fixed bodies."""
+
+
+def factors_of(scenario: Scenario, profile: str) -> tuple[list[float], list[float]]:
+    """Friction and restitution per body, by the combine rule of the profile's solver."""
+    bounce, rubbing = restitutions(scenario), frictions(scenario)
+    mix = maximum_factors if profile in OF_MUJOCO else mean_factors
+    friction = mix("newton", "friction", scenario, rubbing)
+    if profile in INELASTIC:
+        check_range("newton", "restitution", scenario, bounce, greatest=RESTITUTION_MAX)
+        return friction, [0.0] * len(scenario.bodies)
+    return friction, mean_factors("newton", "restitution", scenario, bounce)
+
+
+def model_of(scenario: Scenario, profile: str) -> tuple[Any, list[int], list[int]]:
+    """Newton's model, Newton's body per body of the scenario (WORLD: fixed), and the body of each shape."""
+    builder = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
+    friction, restitution = factors_of(scenario, profile)
+    bodies, owners = [], []
+    for k, body in enumerate(scenario.bodies):
+        own = pose(body.position, body.orientation)
+        fixed = body.kind == "fixed"
+        config = newton.ModelBuilder.ShapeConfig(
+            density=0.0, mu=friction[k], restitution=restitution[k], mu_torsional=0.0, mu_rolling=0.0
+        )
+        bodies.append(WORLD if fixed else _add_body(builder, body, own))
+        for piece in body.pieces:
+            place = pose(piece.position, piece.orientation)
+            _add_piece(builder, bodies[k], piece, own * place if fixed else place, config)
+            owners.append(k)
+    return builder.finalize(device=CPU), bodies, owners
+
+
+def pose(position: Any, orientation: Any) -> Any:
+    """Newton's pose of a position [m] and a quaternion wxyz; Newton's is xyzw."""
+    w, x, y, z = orientation
+    return warp.transform(tuple(position), warp.quat(x, y, z, w))
+
+
+def _add_body(builder: Any, body: Body, own: Any) -> int:
+    inertia = warp.mat33(np.array(body.inertia, dtype=np.float32))
+    com = tuple(body.center_of_mass)
+    index: int = builder.add_body(
+        xform=own, com=com, inertia=inertia, mass=body.mass, label=body.name, lock_inertia=True
+    )
+    return index
+
+
+def _add_piece(builder: Any, body: int, piece: Piece, place: Any, config: Any) -> None:
+    given = {"xform": place, "cfg": config}
+    match piece.shape:
+        case shapes.Sphere(radius):
+            builder.add_shape_sphere(body, radius=radius, **given)
+        case shapes.Box((x, y, z)):
+            builder.add_shape_box(body, hx=x, hy=y, hz=z, **given)
+        case shapes.Capsule(radius, half_length):
+            builder.add_shape_capsule(body, radius=radius, half_height=half_length, **given)
+        case shapes.Ellipsoid((x, y, z)):
+            builder.add_shape_ellipsoid(body, rx=x, ry=y, rz=z, **given)
+        case shapes.Hull(vertices):
+            builder.add_shape_convex_hull(body, mesh=_mesh(np.array(vertices)), **given)
+
+
+def _mesh(vertices: Array) -> Any:
+    """Triangles of a hull, turned outwards."""
+    hull = ConvexHull(vertices)
+    triangles = hull.simplices.copy()
+    corners = vertices[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = (normals * hull.equations[:, :3]).sum(axis=1) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return newton.Mesh(vertices.astype(np.float32), triangles.astype(np.int32).ravel())
+
+
+def solver_of(model: Any, settings: Settings) -> Any:
+    """The solver of a profile."""
+    iterations = SETTINGS.in_force(settings.profile, settings.changes)["iterations"]
+    solvers = newton.solvers
+    if settings.profile == XPBD:
+        bounces = bool(model.shape_material_restitution.numpy().any())
+        return solvers.SolverXPBD(model, iterations=iterations, enable_restitution=bounces)
+    if settings.profile == STEEL:
+        rows = max(STEEL_ROWS, 3 * CONTACTS_PER_SHAPE * model.shape_count)
+        return solvers.SolverSteel(model, iterations=iterations, free_body_constraint_max=rows)
+    if settings.profile == KAMINO:
+        config = solvers.SolverKamino.Config.from_model(model)
+        config.use_collision_detector = True
+        config.padmm.max_iterations = iterations
+        return solvers.SolverKamino(model, config=config)
+    cone = "elliptic" if settings.profile == ELLIPTIC else "pyramidal"
+    most = CONTACTS_PER_SHAPE * max(model.shape_count, 1)
+    return solvers.SolverMuJoCo(model, iterations=iterations, cone=cone, nconmax=most, njmax=4 * most)
