@@ -34,6 +34,8 @@ class Entry:
         settings: "module:table" of the settings that `--set` changes (`knobs.py`); "" if it has none.
         script: module whose `parts` and `settings_lines` say a scene in the engine's own API
             (`adapters/scripts`); "" if it has none.
+        keeps_fixed_pieces: whether plans leave it the pieces of fixed bodies that nothing can meet, because
+            its steps take longer without them (`touchstone study effects`).
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
     the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at
@@ -55,6 +57,7 @@ class Entry:
     compiles: str = ""
     settings: str = ""
     script: str = ""
+    keeps_fixed_pieces: bool = False
 
 
 ENGINES: dict[str, Entry] = {}
