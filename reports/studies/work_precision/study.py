@@ -23,7 +23,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import illustrate, save_manifest, write_beside
 from touchstone.reports.run.request import step_text
-from touchstone.reports.studies.charts import figure, logarithmic, open_axes
+from touchstone.reports.studies.charts import figure, logarithmic, open_axes, panels, rows_for
 from touchstone.reports.studies.work_precision.definitions import (
     QUANTITIES,
     QUICK_LADDER,
@@ -271,12 +271,15 @@ FRONT = "#b5b5b5"
 """Colour of the reference's front and points."""
 MOST_ROWS = 6
 """Scenes of one picture; more go into further files."""
+ACROSS, NAME_HEIGHT = 3, 0.09
+"""Panels side by side in the picture of one quantity, and height of a name there, of a panel's [1]."""
 POINT: dict[str, Any] = {"linestyle": "none", "markersize": 3.0, "markeredgewidth": 0, "alpha": 0.35}
 TOLERANCE: dict[str, Any] = {"color": PALE, "linestyle": (0, (1, 2))}
 
 
 def draw(table: pd.DataFrame, folder: Path) -> list[Path]:
-    """Write `work_precision.svg` and `.png`, with a number for every further set of scenes."""
+    """Write `work_precision.svg` and `.png`, with a number for every further set of scenes, and one picture per
+    quantity for a page or a slide."""
     usable = table[(table.quantity != "") & table.time.notna() & np.isfinite(table.error)]
     scenes = list(dict.fromkeys(usable.scenario))
     groups = [scenes[k : k + MOST_ROWS] for k in range(0, len(scenes), MOST_ROWS)]
@@ -286,7 +289,41 @@ def draw(table: pd.DataFrame, folder: Path) -> list[Path]:
             path = folder / f"work_precision{'' if number == 1 else f'_{number}'}.{kind}"
             illustrate(path, partial(picture, usable, group, kind))
             written.append(path)
+    for quantity in (name for name in QUANTITIES if name in set(usable.quantity)):
+        for kind in ("svg", "png"):
+            path = folder / f"work_precision_{quantity}.{kind}"
+            illustrate(path, partial(picture_of, usable, quantity, kind))
+            written.append(path)
     return written
+
+
+def picture_of(table: pd.DataFrame, quantity: str, kind: str, path: Path) -> None:
+    """Draw one quantity, a panel per scene, with the names of the engines at the ends of their fronts."""
+    mine = table[table.quantity == quantity]
+    scenes = list(dict.fromkeys(mine.scenario))
+    unit = QUANTITIES[quantity].unit
+    size = (0.4 + 3.4 * min(len(scenes), ACROSS), 0.8 + 2.6 * rows_for(len(scenes), ACROSS))
+    with figure(path, *size, font=10, kind=kind, style={"svg.fonttype": "none"}) as drawn:
+        for axes, scene in zip(panels(drawn, len(scenes), min(len(scenes), ACROSS)), scenes):
+            part = mine[mine.scenario == scene]
+            _panel(axes, part, quantity, "", labels=9)
+            _name_fronts(axes, part, QUANTITIES[quantity].floor)
+            axes.set_title(scene, fontsize=11, color=INK, fontweight="bold", loc="left")
+        drawn.supxlabel("wall time per simulated second [s]", color=INK, fontsize=10)
+        drawn.supylabel(f"error: {quantity}{'' if unit == '1' else f' [{unit}]'}", color=INK, fontsize=10)
+
+
+def _name_fronts(axes: Axes, part: pd.DataFrame, floor: float) -> None:
+    """Write the names of engines beside a panel, each as high as the end of its front, but not over another."""
+    ends = part[part.own_front].sort_values("time").groupby("engine", sort=False).last()
+    low, high = (log(limit) for limit in axes.get_ylim())
+    heights = ((log(max(row.error, floor)) - low) / (high - low) for row in _rows(ends))
+    least = 0.0
+    for height, engine in sorted(zip(heights, map(str, ends.index))):
+        least = max(height, least)
+        color = INK if engine == REFERENCE else color_of(engine)
+        axes.text(1.02, least, engine, transform=axes.transAxes, color=color, fontsize=9, va="center")
+        least += NAME_HEIGHT
 
 
 def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -> None:
@@ -313,9 +350,9 @@ def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -
         )
 
 
-def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str) -> None:
+def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str, labels: float = 7) -> None:
     logarithmic(axes)
-    open_axes(axes, labels=7)
+    open_axes(axes, labels=labels)
     if part.empty:
         axes.set_axis_off()
         axes.text(0.5, 0.5, missing, transform=axes.transAxes, ha="center", color=PALE)
@@ -338,7 +375,7 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str) -> None:
     width = part.truth_width.iloc[0]
     if part.truth.iloc[0] == BAND and width > 0:
         text = f"truth: a band of {number(width, part.unit.iloc[0])}"
-        axes.text(0.02, 0.98, text, transform=axes.transAxes, va="top", fontsize=6.5, color=PALE)
+        axes.text(0.02, 0.98, text, transform=axes.transAxes, va="top", fontsize=labels - 0.5, color=PALE)
 
 
 def _look(engine: str) -> tuple[str, float]:
