@@ -34,7 +34,8 @@ def explicit_pairs(spec, bodies, scenario: Scenario, settings: Settings) -> None
 
 def build(scenario: Scenario):
     """A world in which only what the plan has is simulated."""
-    return mujoco_engine.MujocoEngine().build(planned(scenario).applied(scenario, fixed_pieces=True), SETTINGS)
+    left = planned(scenario).applied(scenario, fixed_pieces=True)
+    return mujoco_engine.MujocoEngine().build(left, SETTINGS)
 
 
 def steps(scenario: Scenario, count: int) -> Iterator[tuple]:
