@@ -170,7 +170,7 @@ def _touch(world: World) -> None:
     state = world.state
     world.contacts[:TOUCHED] = 0
     for record in (state, state["solver"]):
-        for name in record.dtype.names:
+        for name in record.dtype.names or ():
             if record[name].ndim > 1:
                 record[name][:, :TOUCHED] = 0
     state["depth_cache"] = 0  # a hash table
