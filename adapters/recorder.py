@@ -25,6 +25,7 @@ from touchstone.adapters.contract import (
     state_fields,
 )
 from touchstone.adapters.divergence import Watch
+from touchstone.adapters.engines.entry import ENGINES
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.adapters.step_log import StepLog
@@ -96,11 +97,22 @@ def build(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[World
     fault = coinciding(scenario)
     if fault:
         raise AdapterError(fault)
+    applied, settings, plan = planned_for(getattr(engine, "name", ""), scenario, settings)
+    return engine.build(applied, settings), settings, plan
+
+
+def planned_for(engine: str, scenario: Scenario, settings: Settings) -> tuple[Scenario, Settings, Plan]:
+    """The scene and the settings that an engine of this name gets, and the plan."""
     plan = planned(scenario, settings.effects)
-    settings = dataclasses.replace(
+    applied = plan.applied(scenario, fixed_pieces=_keeps_fixed_pieces(engine))
+    left = dataclasses.replace(
         settings, skipped=plan.skipped, fat_bounds=settings.effects is None, sleeping=plan.on("sleeping")
     )
-    return engine.build(plan.applied(scenario), settings), settings, plan
+    return applied, left, plan
+
+
+def _keeps_fixed_pieces(engine: str) -> bool:
+    return engine in ENGINES and ENGINES[engine].keeps_fixed_pieces
 
 
 def warm_up(engine: Engine, scenario: Scenario, settings: Settings) -> None:
@@ -315,6 +327,8 @@ def _beyond(engine: str, decision: Decision) -> str:
         return f"; {engine} has no such stage"
     if decision.effect == "rotation" and decision.state == "not needed":
         return f"; {engine} integrates it all the same"
+    if decision.effect == "contact" and decision.on and _keeps_fixed_pieces(engine):
+        return f"; {engine} keeps the fixed pieces that meet nothing, without which its steps take longer"
     return ""
 
 

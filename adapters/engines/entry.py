@@ -36,6 +36,8 @@ class Entry:
             (`adapters/scripts`); "" if it has none.
         pins: "name==version" of all packages of an environment of its own (`workers/own_environment.py`), for
             requirements that conflict with this program's; () if it needs none.
+        keeps_fixed_pieces: whether plans leave it the pieces of fixed bodies that nothing can meet, because
+            its steps take longer without them (`touchstone study effects`).
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
     the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at
@@ -58,6 +60,7 @@ class Entry:
     settings: str = ""
     script: str = ""
     pins: tuple[str, ...] = ()
+    keeps_fixed_pieces: bool = False
 
 
 ENGINES: dict[str, Entry] = {}

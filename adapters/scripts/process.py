@@ -6,14 +6,14 @@ import importlib
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from touchstone.adapters.contract import AdapterError, Array, Settings, Unsupported
-from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.recorder import planned_for
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.adapters.scripts.script import moments, moving, text_of
@@ -67,7 +67,7 @@ def _asked(engine: str, command: str, argument: tuple[Any, ...]) -> Any:
     if not installed(engine):
         raise AdapterError(f"{engine}: {missing_reason(engine)}")
     with scratch_folder() as folder:
-        child = ChildProcess(_Writer, (entry.script,), Path(folder, "output.txt"), PATIENCE)
+        child = ChildProcess(_Writer, (engine, entry.script), Path(folder, "output.txt"), PATIENCE)
         try:
             found = child.ask(command, argument)
         finally:
@@ -80,7 +80,8 @@ def _asked(engine: str, command: str, argument: tuple[Any, ...]) -> Any:
 class _Writer:
     """Child's end."""
 
-    def __init__(self, module: str) -> None:
+    def __init__(self, engine: str, module: str) -> None:
+        self._engine = engine
         self._module: Any = importlib.import_module(module)
 
     def handle(self, command: str, argument: Any) -> object:
@@ -89,24 +90,17 @@ class _Writer:
             scenario, several = argument
             return [self._lines(scenario, one) for one in several]
         scenario, settings, head = argument
-        scene, settings = applied(scenario, settings)
+        scene, settings, _ = planned_for(self._engine, scenario, settings)
         parts = self._module.parts(scene, settings)
         return Script(text_of(parts, scene, settings, head), parts.requirement, parts.of_mass)
 
     def _lines(self, scenario: Scenario, settings: Settings) -> list[str]:
         try:
-            found: list[str] = self._module.settings_lines(*applied(scenario, settings))
+            scene, settings, _ = planned_for(self._engine, scenario, settings)
+            found: list[str] = self._module.settings_lines(scene, settings)
         except AdapterError:
             return []
         return found
-
-
-def applied(scenario: Scenario, settings: Settings) -> tuple[Scenario, Settings]:
-    """The scene and the settings that the recorder gives to an engine."""
-    plan = planned(scenario, settings.effects)
-    return plan.applied(scenario), replace(
-        settings, skipped=plan.skipped, fat_bounds=settings.effects is None, sleeping=plan.on("sleeping")
-    )
 
 
 def run(script: Path) -> str:

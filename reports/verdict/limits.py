@@ -197,6 +197,10 @@ EFFECTS: tuple[Limit, ...] = (
         for effect in PLANNED
     ),
     Limit("time.left", 0.75, "a plan saves a quarter of the time with all effects", "reference"),
+    *(
+        Limit("time.left", 1.02, "a plan costs an engine nothing; equal worlds differ by 2 %", engine)
+        for engine in ("dart", "bullet", "mujoco")
+    ),
     Limit("time.slower", 0.02, "a plan costs nothing, whatever it saves", "reference"),
     Limit("time.plan", 0.05, "a plan is made before anybody waits for it", "reference"),
 )

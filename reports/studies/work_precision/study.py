@@ -37,7 +37,17 @@ from touchstone.reports.studies.work_precision.points import fronts, ladder, poi
 from touchstone.reports.sweep.cells import ACCURACY, Cell
 from touchstone.reports.sweep.content_hash import hash_of
 from touchstone.reports.sweep.sweep import TimingRounds, quietly, sweep
-from touchstone.reports.views.pictures import INK, PALE, color_of, figure, logarithmic, marker_of, open_axes
+from touchstone.reports.views.pictures import (
+    INK,
+    PALE,
+    color_of,
+    figure,
+    logarithmic,
+    marker_of,
+    open_axes,
+    panels,
+    rows_for,
+)
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import catalogue
 
@@ -252,12 +262,16 @@ FRONT = "#b5b5b5"
 """Colour of the reference's front and points."""
 MOST_ROWS = 6
 """Scenes of one picture; more go into further files."""
+ACROSS, NAME_HEIGHT = 3, 0.09
+"""Panels side by side in the picture of one quantity, and height of a name there, of a panel's [1]."""
+APART = "codes disagree"
 POINT: dict[str, Any] = {"linestyle": "none", "markersize": 3.0, "markeredgewidth": 0, "alpha": 0.35}
 TOLERANCE: dict[str, Any] = {"color": PALE, "linestyle": (0, (1, 2))}
 
 
 def draw(table: pd.DataFrame, folder: Path) -> list[Path]:
-    """Write `work_precision.svg` and `.png`, with a number for every further set of scenes."""
+    """Write `work_precision.svg` and `.png`, with a number for every further set of scenes, and one picture
+    per quantity for a page or a slide."""
     usable = table[(table.quantity != "") & table.time.notna() & np.isfinite(table.error)]
     scenes = list(dict.fromkeys(usable.scenario))
     groups = [scenes[k : k + MOST_ROWS] for k in range(0, len(scenes), MOST_ROWS)]
@@ -267,7 +281,49 @@ def draw(table: pd.DataFrame, folder: Path) -> list[Path]:
             path = folder / f"work_precision{'' if number == 1 else f'_{number}'}.{kind}"
             illustrate(path, partial(picture, usable, group, kind))
             written.append(path)
+    for quantity in (name for name in QUANTITIES if name in set(usable.quantity)):
+        for kind in ("svg", "png"):
+            path = folder / f"work_precision_{quantity}.{kind}"
+            illustrate(path, partial(picture_of, usable, quantity, kind))
+            written.append(path)
     return written
+
+
+def picture_of(table: pd.DataFrame, quantity: str, kind: str, path: Path) -> None:
+    """Draw one quantity, a panel per scene, with the names of the engines at the ends of their fronts."""
+    mine = table[table.quantity == quantity]
+    known = set(mine.scenario)
+    scenes = [one for one in dict.fromkeys(table.scenario) if one in known or _apart(table, one, quantity)]
+    unit = QUANTITIES[quantity].unit
+    size = (0.4 + 3.4 * min(len(scenes), ACROSS), 0.8 + 2.6 * rows_for(len(scenes), ACROSS))
+    with figure(path, *size, font=10, kind=kind, style={"svg.fonttype": "none"}) as drawn:
+        for axes, scene in zip(panels(drawn, len(scenes), min(len(scenes), ACROSS)), scenes):
+            part = mine[mine.scenario == scene]
+            _panel(axes, part, quantity, APART, labels=9)
+            if scene in known:
+                _name_fronts(axes, part, QUANTITIES[quantity].floor)
+            axes.set_title(scene, fontsize=11, color=INK, fontweight="bold", loc="left")
+        drawn.supxlabel("wall time per simulated second [s]", color=INK, fontsize=10)
+        drawn.supylabel(f"error: {quantity}{'' if unit == '1' else f' [{unit}]'}", color=INK, fontsize=10)
+
+
+def _apart(table: pd.DataFrame, scene: str, quantity: str) -> bool:
+    """Whether a quantity of a scene has no truth because the codes converge to different motions."""
+    mine = table[(table.scenario == scene) & (table.quantity == quantity)]
+    return mine.empty and quantity in ("position", "events") and scene in table.attrs.get("bands", {})
+
+
+def _name_fronts(axes: Axes, part: pd.DataFrame, floor: float) -> None:
+    """Write the names of engines beside a panel, each as high as the end of its front, above the next."""
+    ends = part[part.own_front].sort_values("time").groupby("engine", sort=False).last()
+    low, high = (log(limit) for limit in axes.get_ylim())
+    heights = ((log(max(row.error, floor)) - low) / (high - low) for row in _rows(ends))
+    least = 0.0
+    for height, engine in sorted(zip(heights, map(str, ends.index))):
+        least = max(height, least)
+        color = INK if engine == REFERENCE else color_of(engine)
+        axes.text(1.02, least, engine, transform=axes.transAxes, color=color, fontsize=9, va="center")
+        least += NAME_HEIGHT
 
 
 def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -> None:
@@ -279,24 +335,29 @@ def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -
         for row, scene in zip(grid, scenes):
             for axes, quantity in zip(row, quantities):
                 part = table[(table.scenario == scene) & (table.quantity == quantity)]
-                apart = quantity in ("position", "events") and scene in table.attrs.get("bands", {})
-                _panel(axes, part, quantity, "codes disagree" if apart else "does not apply")
+                _panel(axes, part, quantity, APART if _apart(table, scene, quantity) else "does not apply")
             row[0].set_ylabel(scene, fontsize=10, color=INK, fontweight="bold")
         for axes, quantity in zip(grid[0], quantities):
             unit = QUANTITIES[quantity].unit
-            axes.set_title(f"{quantity}{'' if unit == '1' else f' [{unit}]'}", fontsize=10, color=INK)
+            named = f"{quantity}{'' if unit == '1' else f' [{unit}]'}"
+            axes.set_title(named, fontsize=10, color=INK, loc="left")
         for axes in grid[-1]:
             axes.set_xlabel("wall time per simulated second [s]", color=INK)
-        drawn.legend(handles=_legend(table), loc="outside lower center", ncols=6, frameon=False)
+        drawn.legend(
+            handles=_legend(table),
+            loc="outside lower center",
+            ncols=min(6, 2 * len(quantities)),
+            frameon=False,
+        )
         drawn.suptitle(
             "Error over time, the front of each engine over its steps and settings: lower left is better",
             color=INK,
         )
 
 
-def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str) -> None:
+def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str, labels: float = 7) -> None:
     logarithmic(axes)
-    open_axes(axes, labels=7)
+    open_axes(axes, labels=labels)
     if part.empty:
         axes.set_axis_off()
         axes.text(0.5, 0.5, missing, transform=axes.transAxes, ha="center", color=PALE)
@@ -319,7 +380,8 @@ def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str) -> None:
     width = part.truth_width.iloc[0]
     if part.truth.iloc[0] == BAND and width > 0:
         text = f"truth: a band of {number(width, part.unit.iloc[0])}"
-        axes.text(0.02, 0.98, text, transform=axes.transAxes, va="top", fontsize=6.5, color=PALE)
+        where: dict[str, Any] = {"transform": axes.transAxes, "ha": "right", "va": "bottom"}
+        axes.text(1.0, 1.02, text, fontsize=labels - 0.5, color=PALE, **where)
 
 
 def _look(engine: str) -> tuple[str, float]:

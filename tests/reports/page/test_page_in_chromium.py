@@ -134,3 +134,13 @@ def test_it_fits_both_sizes_in_both_schemes(opened, width, scheme):
     paper = opened.evaluate("getComputedStyle(document.body).backgroundColor")
     assert paper == {"light": "rgb(255, 255, 255)", "dark": "rgb(18, 22, 28)"}[scheme]
     assert opened.said == []
+
+
+def test_the_matrix_scrolls_under_its_first_column(opened):
+    """On a narrow screen names of scenes, and the corner above them, stay where they are."""
+    opened.set_viewport_size({"width": 300, "height": 900})
+    left = "[...document.querySelectorAll('.matrix tr > :first-child')].map(c => c.getBoundingClientRect().x)"
+    before = opened.evaluate(left)
+    opened.evaluate("document.querySelector('.matrix').parentNode.scrollLeft = 60")
+    assert opened.evaluate("document.querySelector('.matrix').parentNode.scrollLeft") == 60
+    assert opened.evaluate(left) == before

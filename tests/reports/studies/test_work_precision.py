@@ -301,10 +301,13 @@ def test_pictures_are_drawn_and_repeat(tmp_path, monkeypatch):
     monkeypatch.setattr("touchstone.reports.studies.work_precision.study.MOST_ROWS", 1)
     frame = pd.concat([table(scene=f"scene {k}") for k in range(2)])
     names = [path.name for path in draw(frame, tmp_path)]
-    assert names == [f"work_precision{n}.{s}" for n in ("", "_2") for s in ("svg", "png")]
+    quantities = [f"_{quantity}" for quantity in dict.fromkeys(frame.quantity)]
+    assert names == [f"work_precision{n}.{s}" for n in ("", "_2", *quantities) for s in ("svg", "png")]
     first = (tmp_path / "work_precision.svg").read_bytes()
     draw(frame, tmp_path)
     assert (tmp_path / "work_precision.svg").read_bytes() == first
+    shown = (tmp_path / f"work_precision{quantities[0]}.svg").read_text()
+    assert all(f">{text}<" in shown for text in ("scene 0", "scene 1", *set(frame.engine)))
 
 
 def test_the_default_study_has_what_was_asked_for():
