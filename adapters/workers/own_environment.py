@@ -7,6 +7,7 @@ interpreter. Its folder is named by a hash of the pins and of the interpreter, a
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import sys
 import sysconfig
@@ -77,11 +78,12 @@ class OwnEnvironment:
             one = found.get(name)
             if one is None or one.version != version:
                 return f"{pin} is missing"
-            for file in one.files or ():
-                path = Path(str(one.locate_file(file)))
-                if file.size is None or ".." in file.parts:  # compiled code, and scripts
+            # `one.files` leaves out what is missing, in some versions
+            for file, _, size in csv.reader((one.read_text("RECORD") or "").splitlines()):
+                if not size or ".." in Path(file).parts:  # compiled code, and scripts
                     continue
-                if not path.exists() or path.stat().st_size != file.size:
+                path = self.folder / file
+                if not path.exists() or path.stat().st_size != int(size):
                     return f"{name}: {file} is missing or changed"
         return ""
 

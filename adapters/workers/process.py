@@ -13,7 +13,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -247,12 +247,13 @@ def obey(
 
     `engines` are those that the parent knows, plug-ins included.
     """
-    pipe.send(STARTED)
     ENGINES.update(engines)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     if (parent := multiprocessing.parent_process()) is not None and parent.pid is not None:
         end_with_parent(parent.pid, by_kernel)
     divert_output(output)
+    with suppress(OSError):  # a parent that is gone
+        pipe.send(STARTED)
     handle = server(*arguments).handle
     while True:
         try:

@@ -6,8 +6,8 @@ before a separating contact has returned, and separation lifts overlapping bodie
 measures this rise body by body and removes it from the island's motion. An island that touches a fixed body
 can lose all of its motion. A free island keeps its momenta: it loses only motion relative to one rigid body
 (`island_motion`). From the rise of an island on a moving surface the guard subtracts the surface's work. An
-island on prescribed bodies that all move alike, as under a constant force, is judged in their frame. The
-guard does not change islands that touch another driver.
+island on prescribed bodies of one velocity and a constant acceleration is judged in their frame. The guard
+does not change islands that touch another driver.
 
 Of an island with curved contacts of round bodies it knows more: normal forces do no work there, and the rest
 is the work of friction along the mean sliding. It changes the motion until the energy changes by that, up
@@ -32,7 +32,7 @@ from touchstone.reference_impl.solver.islands import is_head, island_of, join_is
 MOST_RETURN = 0.01
 """Most relative increase of the velocities of an island that lost energy to the error of a substep [1]."""
 SAME_VELOCITY = 1e-9
-"""Difference of the velocities of bodies that carry an island alike: rounding of their paths [m/s]."""
+"""Difference of the velocities of the bodies that carry an island that is rounding of their paths [m/s]."""
 UNPAID_ROUNDING = 1e-12
 """Energy rise of an island that the guard cannot remove, over its energies, that is rounding [1]."""
 

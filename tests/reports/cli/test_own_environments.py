@@ -33,11 +33,12 @@ def test_an_environment_is_added_listed_and_removed(touchstone, owned):
 
 
 @pytest.mark.spawned
-def test_a_run_adds_what_it_needs_if_asked(touchstone, owned):
+def test_a_run_adds_what_it_needs_if_asked(touchstone, owned, tmp_path):
     """Without `--install` the engine is missing, exit 3; with it the engine plays."""
-    code, _, err = touchstone("run", "fall", "--engine", "owned", "--quiet")
+    run = "run", "fall", "--engine", "owned", "--quiet"
+    code, _, err = touchstone(*run, "--out", str(tmp_path / "missing"))
     assert (code, err) == (3, "missing: owned: not installed (touchstone env add owned)\n")
-    code, _, err = touchstone("run", "fall", "--engine", "owned", "--install", "--quiet")
+    code, _, err = touchstone(*run, "--out", str(tmp_path / "played"), "--install")
     assert err.splitlines()[0] == "owned: installing 2 packages"
     assert code in (0, 1)  # of first order: it may miss a limit
     assert owned.fault() == ""
