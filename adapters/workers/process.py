@@ -153,14 +153,15 @@ class ChildProcess:
         context = multiprocessing.get_context("spawn")
         self._packages = packages
         self._up = False
-        self._pipe, theirs = context.Pipe()
         known, by_kernel = dict(ENGINES), threading.current_thread() is threading.main_thread()
-        self._process = context.Process(
-            target=obey, args=(theirs, *self._called, known, by_kernel), daemon=True
-        )
         with STARTING, interrupt_held(), one_thread(), main_left_out(), found_first(packages):
+            # a process that starts meanwhile and is forked would hold the child's end open beyond its death
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(
+                target=obey, args=(theirs, *self._called, known, by_kernel), daemon=True
+            )
             self._process.start()
-        theirs.close()
+            theirs.close()
 
     def turn_to(self, packages: Path | None) -> None:
         """Replace the process by one that finds `packages` first, unless this one does."""
