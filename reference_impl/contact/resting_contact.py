@@ -221,7 +221,7 @@ def _solve_velocities(world, count, h):
 def _is_carried(world, count):
     """Whether sliding on prescribed bodies is followed within the substep: its turn, and its onset.
 
-    Forces of coupled drivers are even over a substep, whatever its length, and do not tell of either.
+    The force of a coupled driver is constant over a substep of any length: it shows neither.
     """
     state, found = world.state, False
     if state["driven_loop"] == 0 or state["dense_substep"] == 1 or count > CURVED_ROWS:

@@ -249,7 +249,7 @@ def test_other_profiles_of_engines_do_not_count() -> None:
 
 
 def test_what_only_engines_measure_is_told() -> None:
-    """Tell what the reference does not measure although an engine does, with the reason, once."""
+    """Print once what the reference does not measure although an engine does, with the reason."""
     rows = [
         *(row("reference", "friction.cone", nan, s, verdict="skipped", reason="no impulses") for s in "ab"),
         *(row("dart", "friction.cone", 0.1, scene) for scene in "ab"),
