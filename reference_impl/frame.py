@@ -1,5 +1,7 @@
 """One frame: the driven loop, then the simulated loop (paper, figure 3)."""
 
+from math import sqrt
+
 from touchstone.reference_impl.broad_phase.detection import (
     detect,
     detect_for,
@@ -81,6 +83,8 @@ WAY_ERROR = 1e-7
 TOUCH_DISTANCE."""
 WAY_ATTEMPTS = 4
 """Most searches for an impact of a substep."""
+WAY_SHARE = 0.1
+"""Distance of a driver from its parabola, over its width, within which no impact is overlooked [1]."""
 TIME_MIN = 1e-12
 """Remainder of a frame that is not simulated [s]."""
 
@@ -144,6 +148,7 @@ def _drive(world):
     """Driven loop: coupling, overlap removal, and velocities of driven bodies for this frame's contacts."""
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     start = clock(state["clock"])
+    _keep_free_poses(world)
     for d in range(len(drivers)):
         if drivers[d]["chain_count"] > 0:
             store_shown(bodies, joints, drivers[d])
@@ -230,16 +235,18 @@ def _simulate(world):
         if touching > 0:
             note_energy(bodies, state)
         first_held, state["unpaid_energy"] = state["contact_count"], 0.0
+        residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
         # bodies sink less in a shorter substep, and separation lifts them less
         for attempt in range(UNPAID_ATTEMPTS):
-            # curved contacts are exact at the end of a substep, not within
-            early = attempt == 0 and fraction < 1 and state["curved"] == 1
+            # curved contacts and those of drivers are exact at the end of a substep, not within
+            early = attempt == 0 and fraction < 1 and state["led"] == 1
             if state["unpaid_energy"] <= 0 and not early:
                 break
             begin_again(bodies, joints, drivers)
             state["contact_count"] = first_held
+            state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
             shorter = fraction if fraction < 1 and attempt == 0 else UNPAID_SHARE * fraction
             h, fraction = _substep(world, touching, time, shorter * h)
         state["parted_energy"] += state["unpaid_energy"]
@@ -255,10 +262,23 @@ def _simulate(world):
         state["dropped_time"] = left
         state["counters"][COUNT_GAVE_UP] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
+    state["driven_loop"] = 0
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
             leave_loop(bodies, joints, drivers[d], state["dt"])
-    state["driven_loop"] = 0
+
+
+@kernel
+def _keep_free_poses(world):
+    """Store where the simulated loop of the frame before left the drivers that it pressed, if they are free
+    there: sweeps and ways back begin there."""
+    bodies, drivers = world.bodies, world.drivers
+    for d in range(len(drivers)):
+        if drivers[d]["pressed"] > 0 and drivers[d]["prescribed"] == 0:
+            end = detect_for(world, d, 1.0)
+            if is_free(largest_depth(bodies, world.pairs, end, d)):
+                store_free_pose(bodies, world.joints, drivers[d])
+        drivers[d]["pressed"] = 0
 
 
 @kernel
@@ -288,6 +308,27 @@ def _substep(world, touching, time, h):
 
 
 @inlined_kernel
+def _until_swing(bodies, joints, drivers, h, dt):
+    """Fraction of a substep of length h that is searched for impacts: a radian of a coupling that takes its
+    driver far from its parabola, or 1. Sets the ways of the links up to there."""
+    until = 1.0
+    for d in range(len(drivers)):
+        driver = drivers[d]
+        swing = 0.0 if driver["prescribed"] == 1 else h * sqrt(driver["stiffness"] / driver["mass"])
+        if driver["loops"] == 1 and swing > 1:
+            root, error = bodies[driver["root"]], 0.0
+            for part in range(1, 4):
+                error = max(error, way_error(bodies, joints, driver, root, part / 4, h, dt))
+            if error > WAY_SHARE * root["width"]:
+                until = min(until, 1 / swing)
+    if until < 1:
+        for d in range(len(drivers)):
+            if drivers[d]["loops"] == 1:
+                set_link_ways(bodies, joints, drivers[d], until, h, dt)
+    return until
+
+
+@inlined_kernel
 def _advance(world, touching, returned, h):
     """Pose simulated bodies at the earliest impact of the substep of length h, but at most at its fraction
     `returned`. Where a driver is elsewhere than its parabola at the impact, search again along a closer one.
@@ -299,9 +340,9 @@ def _advance(world, touching, returned, h):
     pairs, state = world.pairs, world.state
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
     mark_pairs(bodies, world.pieces, pairs, touching)
-    fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
-    until = 1.0
+    until = _until_swing(bodies, joints, drivers, h, state["dt"])
     for _ in range(WAY_ATTEMPTS):
+        fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
         if fast or state["detection"] == DETECTION_SWEEP:
             end = find_swept_pairs(world, SIMULATED, touching)
         else:

@@ -44,7 +44,8 @@ def place_listed(bodies, pieces, vertices, kind, state):
 
 @kernel
 def detect(world, kind, first):
-    """Find the pairs that touch or overlap and contain a body of `kind`, and write them from `pairs[first]`.
+    """Find the pairs that touch or overlap and contain a body of `kind`, and write them from `pairs[first]`;
+    those of a driver with a simulated body only where `kind` is SIMULATED.
 
     Updates the poses and boxes of the pieces of `kind` first, and of drivers that move in the simulated loop.
 
@@ -65,9 +66,25 @@ def detect(world, kind, first):
     state["counters"][COUNT_PAIRS] += found - first
     if kind == SIMULATED:
         found = find_stops(world, found, PRESSED)
+    elif kind == DRIVEN:
+        found = _without_simulated(bodies, pairs, first, found)
     end, deepest = _measure(world, first, found)
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
+
+
+@kernel
+def _without_simulated(bodies, pairs, first, found):
+    """Remove the pairs of `pairs[first:found]` with a simulated body, which meets a driver in the simulated
+    loop. Returns the index after the last pair."""
+    end = first
+    for k in range(first, found):
+        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
+        if a["kind"] != SIMULATED and b["kind"] != SIMULATED:
+            if k != end:
+                pairs[end] = pairs[k]
+            end += 1
+    return end
 
 
 @kernel
@@ -156,17 +173,10 @@ def detect_for(world, d, later):
     bodies, pairs, state = world.bodies, world.pairs, world.state
     end, _ = detect(world, DRIVEN, 0)
     state["counters"][COUNT_CONTACTING] = max(state["counters"][COUNT_CONTACTING], end)
-    found, end = end, 0
-    for k in range(found):
-        a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-        one, two = a["driver"], b["driver"]
-        if a["kind"] == SIMULATED or b["kind"] == SIMULATED:
-            continue
+    for k in range(end):
+        one, two = bodies[pairs[k]["body_a"]]["driver"], bodies[pairs[k]["body_b"]]["driver"]
         if min(one, two) == d and max(one, two) > d and world.drivers[max(one, two)]["prescribed"] == 0:
             pairs[k]["depth"] *= later
-        if k != end:
-            pairs[end] = pairs[k]
-        end += 1
     return end
 
 

@@ -200,7 +200,7 @@ def _solve_velocities(world, count, h):
                 exact = min(exact, curved_share(turned, h, state))
             share, most = min(share, exact), min(most, exact * h)
         # a driver's pull is no part of the prediction of a stop, which may come nearer by a few percent only
-        if k >= DRIVEN_ROUNDS and share < 1 and state["driven_loop"] == 1 and _is_any_led(bodies):
+        if k >= DRIVEN_ROUNDS and share < 1 and state["driven_loop"] == 1 and state["led"] == 1:
             share = min(share, 0.5)
         later = min(most, STOP_SHORT * share * h)
         if share >= STOP_SHARE:
@@ -304,7 +304,7 @@ def _prepare_resting_contacts(world, count, h):
     # an attempt before this one may have marked bodies
     marked, state["led"] = state["led"], 1 if curved or state["driven_loop"] == 1 else 0
     if state["led"] == 1 or marked == 1:
-        _mark_led(bodies, world.drivers, pairs, count)
+        state["led"] = 1 if _mark_led(bodies, world.drivers, pairs, count) else 0
     for k in range(count):
         pair = pairs[k]
         led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
@@ -381,7 +381,7 @@ def _solve_positions(world, count, h):
     sets the paths of their bodies, not their velocities."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    asked = state["led"] == 1 and _is_any_led(bodies)
+    asked = state["led"] == 1
     for d in range(len(drivers)):
         asked = asked or (drivers[d]["loops"] == 1 and has_limits(joints, drivers[d]))
     if asked:
@@ -420,17 +420,10 @@ def _solve_positions(world, count, h):
 
 
 @kernel
-def _is_any_led(bodies):
-    """Whether a body is in an island with a driver that moves in the loop."""
-    for b in range(len(bodies)):
-        if bodies[b]["led"] == 1:
-            return True
-    return False
-
-
-@kernel
 def _mark_led(bodies, drivers, pairs, count):
-    """Mark the movers of the islands of drivers in the loop, and of curved contacts, as `led`."""
+    """Mark the movers of the islands of drivers in the loop, and of curved contacts, as `led`; returns
+    whether there are any."""
+    found = False
     join_islands(bodies, drivers, pairs, count, True)
     for b in range(len(bodies)):
         bodies[b]["led"] = 0
@@ -438,13 +431,14 @@ def _mark_led(bodies, drivers, pairs, count):
         a, b = pairs[k]["body_a"], pairs[k]["body_b"]
         led = pairs[k]["curved"] == 1 or leads(bodies, drivers, a) or leads(bodies, drivers, b)
         if pairs[k]["island"] >= 0 and led:
-            bodies[pairs[k]["island"]]["led"] = 1
+            bodies[pairs[k]["island"]]["led"], found = 1, True
     for k in range(count):
         if pairs[k]["island"] >= 0 and bodies[pairs[k]["island"]]["led"] == 1:
             for side in range(2):
                 m = mover_of(bodies, drivers, pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"])
                 if m >= 0:
                     bodies[m]["led"] = 1
+    return found
 
 
 @kernel

@@ -73,7 +73,7 @@ def leave_loop(bodies, joints, driver, dt):
     else:
         for i in range(3):
             driver["velocity"][i] += driver["stop_velocity"][i]
-    driver["loops"] = driver["pressed"] = 0
+    driver["loops"] = 0
     _set_moving(bodies, joints, driver, 0)
     leave_hinges(joints, driver, pressed)
     pose_links(bodies, joints, driver)

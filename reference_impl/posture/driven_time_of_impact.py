@@ -16,7 +16,6 @@ from touchstone.reference_impl.core.conventions import (
     DRIVEN,
     IMPACT_SLACK,
     IMPACT_TARGET,
-    MOVER_DRIVER,
     PART_WHOLE,
     SIMULATED,
 )
@@ -24,8 +23,7 @@ from touchstone.reference_impl.core.counters import COUNT_UNCONVERGED, STAGE_COL
 from touchstone.reference_impl.core.kernel import clock, kernel
 from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, rotation_between
 from touchstone.reference_impl.kinematics.driver_poses import interpolate, restore_entry, store_entry
-from touchstone.reference_impl.kinematics.skeleton import pose_links, pose_moved
-from touchstone.reference_impl.posture.global_depth import Mover, side_of
+from touchstone.reference_impl.kinematics.skeleton import link_of, pose_links, pose_moved
 
 PAST_MIDDLE = 0.5
 """Fraction of the widths of link and obstacle beyond which the way out may lead to the far side [1]."""
@@ -39,59 +37,84 @@ SEGMENT_TURN = 0.5
 
 @kernel
 def sweep_drivers(world):
-    """Stop each driver's motion from its last free pose where a link first goes deep into a fixed or
-    simulated body; its coupling keeps its velocity."""
-    joints, drivers, state = world.joints, world.drivers, world.state
+    """Stop each driver's motion from its last free pose where a link first goes deep into a fixed body, then
+    two drivers where they go deep into each other; their couplings keep their velocities."""
+    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
+    every = state["detection"] != DETECTION_FAST
     for d in range(len(drivers)):
-        if drivers[d]["has_free"] == 0:
-            continue
-        if state["detection"] != DETECTION_FAST or is_far(world.bodies, joints, drivers[d], state):
+        if drivers[d]["has_free"] == 1 and (
+            every or is_far(bodies, joints, drivers[d], state["least_width"])
+        ):
             stop_deep(world, d)
+    for _ in range(len(drivers) - 1):
+        far = every
+        for d in range(len(drivers)):
+            far = is_far(bodies, joints, drivers[d], 0.0) or far
+        if not far or not stop_deep(world, -1):
+            break
 
 
 @kernel
 def stop_deep(world, d):
-    """Move driver d back towards its last free pose, to where a link first goes deep into a fixed or
-    simulated body on its way to the current pose, which is stored as the pose at entry; poses the links.
-    DETECTION_FAST needs the paths that `is_far` bounds.
+    """Move driver d back towards its last free pose, to where a link first goes deep into a fixed body on its
+    way to the current pose, which is stored as the pose at entry; poses the links.
+
+    With d = -1, move back the two drivers that first go deep into each other if all move together.
+    Prescribed ones go on. DETECTION_FAST needs the paths that `is_far` bounds.
 
     Returns:
-        Whether it moved back.
+        Whether any moved back.
     """
-    bodies, joints, driver, state = world.bodies, world.joints, world.drivers[d], world.state
-    since = clock(state["clock"])
+    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
+    since, turn = clock(state["clock"]), 0.0
     for b in range(len(bodies)):
-        if bodies[b]["driver"] != d:
+        if not _is_swept(drivers, d, bodies[b]["driver"]):
             bodies[b]["moves"], bodies[b]["path"] = 0, 0.0
-    store_entry(joints, driver)
-    segments = 1 + int(_largest_turn(bodies, joints, driver) / SEGMENT_TURN)
-    reached = 1.0
-    for k in range(segments):
-        _begin_segment(bodies, joints, driver, k / segments, (k + 1) / segments)
-        fraction = _free_fraction(world, Mover(MOVER_DRIVER, d))
-        if fraction < 1:
-            reached = (k + fraction) / segments
+    for k in range(len(drivers)):
+        if _is_swept(drivers, d, k):
+            store_entry(joints, drivers[k])
+            turn = max(turn, _largest_turn(bodies, joints, drivers[k]))
+    segments, reached, one, two = 1 + int(turn / SEGMENT_TURN), 1.0, -1, -1
+    for part in range(segments):
+        for k in range(len(drivers)):
+            if _is_swept(drivers, d, k):
+                _begin_segment(bodies, joints, drivers[k], part / segments, (part + 1) / segments)
+        fraction, met = _free_fraction(world, d)
+        if met >= 0:
+            one, two = (
+                bodies[world.pairs[met]["body_a"]]["driver"],
+                bodies[world.pairs[met]["body_b"]]["driver"],
+            )
+            reached = (part + fraction) / segments
             break
-    if reached < 1:
-        interpolate(bodies, joints, driver, PART_WHOLE, reached)
-    else:
-        restore_entry(joints, driver)
-    _set_moving(bodies, joints, driver, 0)
-    # sweeps leave links at intermediate poses
-    pose_links(bodies, joints, driver)
+    for k in range(len(drivers)):
+        if _is_swept(drivers, d, k):
+            if (k == one or k == two) and drivers[k]["prescribed"] == 0:
+                interpolate(bodies, joints, drivers[k], PART_WHOLE, reached)
+            else:
+                restore_entry(joints, drivers[k])
+            _set_moving(bodies, joints, drivers[k], 0)
+            # sweeps leave links at intermediate poses
+            pose_links(bodies, joints, drivers[k])
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return reached < 1
 
 
 @kernel
-def is_far(bodies, joints, driver, state):
-    """Whether a link may have moved since the last free pose by more than half the sum of its width and the
-    least width; poses the links and bounds their paths."""
+def _is_swept(drivers, d, k):
+    """Whether `stop_deep` for d moves driver k, if k is a driver."""
+    return k >= 0 and drivers[k]["has_free"] == 1 and (d < 0 or k == d)
+
+
+@kernel
+def is_far(bodies, joints, driver, least_width):
+    """Whether a link may have moved since the last free pose by more than half the sum of its width and that
+    of others [m]; poses the links and bounds their paths."""
     _largest_turn(bodies, joints, driver)
     pose_moved(bodies, joints, driver)
-    far = _set_path(bodies[driver["root"]], state)
+    far = _set_path(bodies[driver["root"]], least_width)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        far = _set_path(bodies[joints[k]["child"]], state) or far
+        far = _set_path(bodies[joints[k]["child"]], least_width) or far
     return far
 
 
@@ -110,11 +133,11 @@ def _largest_turn(bodies, joints, driver):
 
 
 @kernel
-def _set_path(body, state):
+def _set_path(body, least_width):
     for i in range(3):
         body["travel"][i], body["travel_bend"][i] = body["center"][i] - body["free_center"][i], 0.0
     set_path(body, body["spin_most"])
-    return body["path"] > PAST_MIDDLE * (body["width"] + state["least_width"])
+    return body["path"] > PAST_MIDDLE * (body["width"] + least_width)
 
 
 @kernel
@@ -129,36 +152,35 @@ def _begin_segment(bodies, joints, driver, start, end):
     """Set the motions of a driver's links between two fractions of the driver's motion."""
     interpolate(bodies, joints, driver, PART_WHOLE, start)
     _set_moving(bodies, joints, driver, 1)
-    for b in range(len(bodies)):
-        if bodies[b]["moves"] == 1:
-            copy_vector(bodies[b]["center"], bodies[b]["old_center"])
-            copy_quaternion(bodies[b]["orientation"], bodies[b]["old_orientation"])
+    for k in range(driver["joint_count"] + 1):
+        link = bodies[link_of(joints, driver, k)]
+        copy_vector(link["center"], link["old_center"])
+        copy_quaternion(link["orientation"], link["old_orientation"])
     interpolate(bodies, joints, driver, PART_WHOLE, end)
-    for b in range(len(bodies)):
-        if bodies[b]["moves"] == 1:
-            shown_motion(bodies[b])
+    for k in range(driver["joint_count"] + 1):
+        shown_motion(bodies[link_of(joints, driver, k)])
 
 
 @kernel
-def _free_fraction(world, mover):
-    """Fraction of a segment up to which no link of the driver has gone deep into an obstacle."""
+def _free_fraction(world, d):
+    """Fraction of a segment up to which no link of driver d has gone deep into a fixed body or, if d is -1,
+    no driver into another; and the row of that pair, or -1."""
     bodies, pieces, pairs, state = world.bodies, world.pieces, world.pairs, world.state
-    first = 1.0
-    end = find_swept_pairs(world, DRIVEN, 0)
-    for k in range(end):
+    first, met = 1.0, -1
+    for k in range(find_swept_pairs(world, DRIVEN, 0)):
         pair = pairs[k]
-        both = bodies[pair["body_a"]]["kind"] == DRIVEN and bodies[pair["body_b"]]["kind"] == DRIVEN
-        if side_of(bodies, pair, mover) == 0.0 or both or _meets_in_loop(bodies, pair):
+        a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+        one, two = a["driver"], b["driver"]
+        # simulated bodies meet a driver in the simulated loop
+        if a["kind"] == SIMULATED or b["kind"] == SIMULATED or one == two:
+            continue
+        if (min(one, two) < 0) if d < 0 else (min(one, two) >= 0 or max(one, two) != d):
             continue
         if state["detection"] == DETECTION_SWEEP or is_fast_pair(bodies, pieces, pair, PAST_MIDDLE):
-            first = _deep(world, pair, first)
-    return first
-
-
-@kernel
-def _meets_in_loop(bodies, pair):
-    """Whether a pair has a simulated body: a driver meets it in the simulated loop."""
-    return bodies[pair["body_a"]]["kind"] == SIMULATED or bodies[pair["body_b"]]["kind"] == SIMULATED
+            fraction = _deep(world, pair, first)
+            met = k if fraction < first else met
+            first = fraction
+    return first, met
 
 
 @kernel

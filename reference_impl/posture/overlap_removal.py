@@ -191,7 +191,7 @@ def _is_moved_far(bodies, joints, driver, state):
         moved = moved or driver["position"][i] != driver["entry_position"][i]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         moved = moved or joints[k]["angle"] != joints[k]["entry_angle"]
-    return moved and is_far(bodies, joints, driver, state)
+    return moved and is_far(bodies, joints, driver, state["least_width"])
 
 
 @kernel
