@@ -270,15 +270,20 @@ def _simulate(world):
 
 @kernel
 def _keep_free_poses(world):
-    """Store where the simulated loop of the frame before left the drivers that it pressed, if they are free
-    there: sweeps and ways back begin there."""
+    """Store where the simulated loop of the frame before left drivers that it pressed, if all are free there:
+    sweeps and ways back begin there."""
     bodies, drivers = world.bodies, world.drivers
+    pressed = False
     for d in range(len(drivers)):
-        if drivers[d]["pressed"] > 0 and drivers[d]["prescribed"] == 0:
-            end = detect_for(world, d, 1.0)
-            if is_free(largest_depth(bodies, world.pairs, end, d)):
+        pressed = pressed or drivers[d]["pressed"] > 0
+    if pressed:
+        free, end = True, detect_for(world, 0, 1.0)
+        for d in range(len(drivers)):
+            free = free and is_free(largest_depth(bodies, world.pairs, end, d))
+        for d in range(len(drivers)):
+            if free and drivers[d]["pressed"] > 0:
                 store_free_pose(bodies, world.joints, drivers[d])
-        drivers[d]["pressed"] = 0
+            drivers[d]["pressed"] = 0
 
 
 @kernel

@@ -114,16 +114,35 @@ def _measure(world, first, found):
 
 @kernel
 def detect_new_stops(world, first):
-    """`detect` for the pairs of newly pressed drivers, whose pieces are placed; they count as pressed then.
+    """`detect` for the pairs of newly pressed drivers, whose pieces are placed; they count as pressed then,
+    and so do drivers that these touch.
 
     Returns:
         Index after the last pair.
     """
-    end, _ = _measure(world, first, find_stops(world, first, NEWLY_PRESSED))
-    for d in range(len(world.drivers)):
-        if world.drivers[d]["pressed"] == NEWLY_PRESSED:
-            world.drivers[d]["pressed"] = PRESSED
-    return end
+    bodies, drivers, pairs = world.bodies, world.drivers, world.pairs
+    for _ in range(len(drivers)):
+        end, _ = _measure(world, first, find_stops(world, first, NEWLY_PRESSED))
+        for d in range(len(drivers)):
+            if drivers[d]["pressed"] == NEWLY_PRESSED:
+                drivers[d]["pressed"] = PRESSED
+        mark_pressed(bodies, drivers, pairs, first, end)
+        if end == first:
+            break
+        first = end
+    return first
+
+
+@kernel
+def mark_pressed(bodies, drivers, pairs, first, end):
+    """Mark the drivers in the loop that `pairs[first:end]` touch for the first time in the frame as
+    NEWLY_PRESSED."""
+    for k in range(first, end):
+        for side in range(2):
+            d = bodies[pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"]]["driver"]
+            if d >= 0 and drivers[d]["loops"] == 1 and drivers[d]["prescribed"] == 0:
+                if drivers[d]["pressed"] == 0:
+                    drivers[d]["pressed"] = NEWLY_PRESSED
 
 
 @kernel

@@ -11,7 +11,12 @@ overlap: the distance of convex pieces is at least their gap along any normal (A
 
 from math import ceil, sqrt
 
-from touchstone.reference_impl.broad_phase.detection import detect, detect_new_stops, set_coefficients
+from touchstone.reference_impl.broad_phase.detection import (
+    detect,
+    detect_new_stops,
+    mark_pressed,
+    set_coefficients,
+)
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.internal_edges import align_internal_edges, witness_approach
 from touchstone.reference_impl.continuous.swept_motion import lever_of
@@ -28,7 +33,6 @@ from touchstone.reference_impl.core.conventions import (
     IMPACT_SLACK,
     IMPACT_TARGET,
     KEEPS_NOTHING,
-    NEWLY_PRESSED,
     SIMULATED,
     TOUCH_DISTANCE,
 )
@@ -94,7 +98,10 @@ def gather_contacts(world, left):
     else:
         align_internal_edges(bodies, pieces, vertices, pairs, end, state)
         end = _drop_impacts_ahead(bodies, pairs, end, state, rest_speed(state))
-    pressed = state["driven_loop"] == 1 and _mark_pressed(bodies, drivers, pairs, end)
+    pressed = False
+    if state["driven_loop"] == 1:
+        mark_pressed(bodies, drivers, pairs, 0, end)
+        pressed = _is_pressed(drivers)
     if pressed:
         end = detect_new_stops(world, end)
     for k in range(end):
@@ -134,16 +141,8 @@ def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
 
 
 @kernel
-def _mark_pressed(bodies, drivers, pairs, count):
-    """Mark the drivers in the loop that touch a simulated body in `pairs[:count]` for the first time in the
-    frame as NEWLY_PRESSED; returns whether any driver is pressed."""
-    for k in range(count):
-        for side in range(2):
-            b = pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"]
-            if loops(bodies, drivers, b):
-                driver = drivers[bodies[b]["driver"]]
-                if driver["prescribed"] == 0 and driver["pressed"] == 0:
-                    driver["pressed"] = NEWLY_PRESSED
+def _is_pressed(drivers):
+    """Whether any driver is pressed."""
     for d in range(len(drivers)):
         if drivers[d]["pressed"] > 0:
             return True
