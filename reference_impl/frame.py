@@ -242,12 +242,13 @@ def _simulate(world):
         for attempt in range(UNPAID_ATTEMPTS):
             # curved contacts and those of drivers are exact at the end of a substep, not within
             early = attempt == 0 and fraction < 1 and state["led"] == 1
+            early = early or state["sinks_at_end"] == 1
             if state["unpaid_energy"] <= 0 and not early:
                 break
             begin_again(bodies, joints, drivers)
             state["contact_count"] = first_held
             state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
-            shorter = fraction if fraction < 1 and attempt == 0 else UNPAID_SHARE * fraction
+            shorter = fraction if early else UNPAID_SHARE * fraction
             h, fraction = _substep(world, touching, time, shorter * h)
         state["parted_energy"] += state["unpaid_energy"]
         left -= fraction * h

@@ -32,6 +32,8 @@ LANDING_EVENTS = 128
 """Events of a frame after which touching pairs of polyhedra may sink by SINKING_DEPTH."""
 LANDING_MIN = 1e-9
 """Fraction of a substep within which a landing is ignored: the next substep would find the same one [1]."""
+AGREEING_SHARE = 0.5
+"""Share of a substep to which a contact shortens it that agrees at its end alone, and sinks there [1]."""
 SINKING_SLACK = 2.5e-7
 """Accepted deviation from OVERLAP_TOLERANCE in the time-of-impact search for a sinking pair [m]."""
 
@@ -50,10 +52,10 @@ def earliest_impact(world, touching, end, until, fast):
             others at the end.
     Returns:
         (fraction, drifted, met): `until` if there is no event; whether a resting contact may overlap there;
-        and the row of the pair, or -1. Leaves bodies at arbitrary poses.
+        and the row of the pair that meets, or -1. Leaves bodies at arbitrary poses.
     """
     bodies, pieces, pairs, state = world.bodies, world.pieces, world.pairs, world.state
-    first, drifted, met = until, False, -1
+    first, drifted, met, state["sinks_at_end"] = until, False, -1, 0
     sweeps = state["detection"] == DETECTION_SWEEP
     gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
     for k in range(touching, end):
@@ -74,6 +76,10 @@ def earliest_impact(world, touching, end, until, fast):
         before = first
         if marked:
             fraction, sank = _sinking(moving, first, swept)
+            if agrees and fraction < first:
+                # it has sunk within the substep, whether it does at the end or not: no time is its own
+                state["sinks_at_end"], met = 1, -1
+                before = fraction = max(fraction, AGREEING_SHARE * first)
             first, drifted = min(first, fraction), drifted or sank
         elif swept:
             first = _swept(moving, first, gap, slack)

@@ -56,6 +56,7 @@ STATE = record(
     settling="f8",  # residual left to the substep by a solve before it [m/s]; 0 in other solves
     driven_loop="i8",  # 1: drivers move in the simulated loop now
     curved="i8",  # 1: a row of the substep is curved
+    sinks_at_end="i8",  # 1: a contact that agrees at the end of a substep sinks there, and shortens it
     led="i8",  # 1: islands obey the law of positions
     lead="f8",  # of the law that the rows of drivers ask (`driver_motion`) [1]; 0 in impacts
     separates="i8",  # 1 while separation solves for the least motion
