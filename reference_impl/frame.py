@@ -236,20 +236,23 @@ def _simulate(world):
             note_energy(bodies, state)
         first_held, state["unpaid_energy"] = state["contact_count"], 0.0
         residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
+        whole, state["may_halve"] = h, 1
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
         # bodies sink less in a shorter substep, and separation lifts them less
         for attempt in range(UNPAID_ATTEMPTS):
             # curved contacts and those of drivers are exact at the end of a substep, not within
-            early = attempt == 0 and fraction < 1 and state["led"] == 1
-            early = early or state["sinks_at_end"] == 1
+            early = state["halves"] == 1 or (attempt == 0 and fraction < 1 and state["led"] == 1)
             if state["unpaid_energy"] <= 0 and not early:
                 break
             begin_again(bodies, joints, drivers)
             state["contact_count"] = first_held
             state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
-            shorter = fraction if early else UNPAID_SHARE * fraction
-            h, fraction = _substep(world, touching, time, shorter * h)
+            h *= fraction if early else UNPAID_SHARE * fraction
+            if state["halves"] == 1 and attempt == UNPAID_ATTEMPTS - 1:
+                # what is jammed sinks however short the substep
+                h, state["may_halve"] = whole, 0
+            h, fraction = _substep(world, touching, time, h)
         state["parted_energy"] += state["unpaid_energy"]
         left -= fraction * h
         if left <= TIME_MIN:

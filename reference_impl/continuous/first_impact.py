@@ -55,7 +55,7 @@ def earliest_impact(world, touching, end, until, fast):
         and the row of the pair that meets, or -1. Leaves bodies at arbitrary poses.
     """
     bodies, pieces, pairs, state = world.bodies, world.pieces, world.pairs, world.state
-    first, drifted, met, state["sinks_at_end"] = until, False, -1, 0
+    first, drifted, met, state["halves"] = until, False, -1, 0
     sweeps = state["detection"] == DETECTION_SWEEP
     gap, slack = state["impact_gap"], IMPACT_SHARE * state["impact_gap"]
     for k in range(touching, end):
@@ -76,16 +76,15 @@ def earliest_impact(world, touching, end, until, fast):
         before = first
         if marked:
             fraction, sank = _sinking(moving, first, swept)
-            if agrees and fraction < first:
-                # it has sunk within the substep, whether it does at the end or not: no time is its own
-                state["sinks_at_end"], met = 1, -1
-                before = fraction = max(fraction, AGREEING_SHARE * first)
+            if agrees and fraction < first and state["may_halve"] == 1:
+                # it may sink within a substep at whose end it agrees: when it does says nothing
+                state["halves"], fraction = 1, max(fraction, AGREEING_SHARE * first)
             first, drifted = min(first, fraction), drifted or sank
         elif swept:
             first = _swept(moving, first, gap, slack)
         else:
             first = _closing(moving, first, gap, slack)
-        met = k if first < before else met
+        met = k if first < before and state["halves"] == 0 else met
     return first, drifted, met
 
 
