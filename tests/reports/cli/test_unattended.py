@@ -70,7 +70,10 @@ def test_two_runs_do_not_collide(tmp_path, touchstone, left):
         text=True,
         check=True,
     )
-    assert other.stdout.strip().rpartition("-")[2] != folder_of_now().name.rpartition("-")[2]
+    process = f"-{os.getpid()}"
+    assert process in folder_of_now().name
+    assert process not in other.stdout
+    assert folder_of_now() != folder_of_now()
 
 
 @pytest.mark.parametrize("locale", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}])
