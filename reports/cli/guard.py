@@ -38,7 +38,7 @@ def guarded(program: Callable[[], int | None]) -> NoReturn:
     except UsageError as error:
         if type(error).__name__ == "NoArgsIsHelpError":  # it has printed the help
             sys.exit(BAD_INPUT)
-        what, context = " ".join(error.format_message().split()), getattr(error, "ctx", None)
+        what, context = " ".join(error.format_message().replace("Value error, ", "").split()), getattr(error, "ctx", None)
         command = context.command_path if context else "touchstone"
         stop(f"{what.rstrip('.')} (see {command} --help)", BAD_INPUT)
     except SystemExit as end:
