@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-
 MOST_LISTED = 24
 """Most names of LISTS that an error lists [1]; of more it names the command that does."""
 LISTS = {"scenario": "scenarios", "scene": "scenarios", "metric": "metrics"}

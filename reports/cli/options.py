@@ -292,13 +292,17 @@ def require_judge() -> None:
         stop("; ".join(faults), NOT_JUDGED)
 
 
+class Interrupted(SystemExit):
+    """Ctrl-C, or a signal that ends a run as it does; the text says what is kept."""
+
+
 @contextmanager
 def resumable(store: Path) -> Iterator[None]:
     """Ctrl-C ends a sweep with one line that says what is kept."""
     try:
         yield
     except KeyboardInterrupt:
-        stop(f"interrupted; what was measured is kept in {store}, the same command goes on", INTERRUPTED)
+        raise Interrupted(f"what was measured is kept in {store}, the same command goes on") from None
 
 
 @contextmanager
