@@ -54,7 +54,7 @@ def test_names_pair_moment_and_onset(apart):
 
 
 def test_says_that_columns_stay_together(apart):
-    """Below the threshold nothing is measured twice, and there is no outlier: the horizon is not asked for."""
+    """Below the threshold there is no outlier, and nothing is measured twice: no horizon is asked for."""
 
     def never():
         raise AssertionError
