@@ -209,6 +209,8 @@ def _columns(path: Path) -> dict[str, NDArray[Any]]:
         return columns
     except RecordingError:
         raise
+    except FileNotFoundError as error:
+        raise RecordingError(f"{path}: no such file") from error
     except DAMAGED as error:
         raise RecordingError(f"{place}: not a recording ({_first_line(error)})") from error
 

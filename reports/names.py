@@ -5,12 +5,21 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+MOST_LISTED = 24
+"""Most names of LISTS that an error lists [1]; of more it names the command that does."""
+LISTS = {"scenario": "scenarios", "scene": "scenarios", "metric": "metrics"}
+"""Kinds of many names, and what `touchstone list` calls them."""
+
 
 def checked(kind: str, name: str, valid: Iterable[str]) -> str:
-    """The name, if valid; raises ValueError with the nearest valid names and all of them."""
+    """The name, if valid; raises ValueError with the nearest valid names, and all of them or the command that
+    lists them."""
     names = list(valid)
     if name in names:
         return name
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
     hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-    raise ValueError(f"unknown {kind} {name!r}{hint} (valid: {', '.join(names)})")
+    valid = ", ".join(names)
+    if kind in LISTS and len(names) > MOST_LISTED:
+        valid = f"{len(names)} names: touchstone list {LISTS[kind]}"
+    raise ValueError(f"unknown {kind} {name!r}{hint} (valid: {valid})")

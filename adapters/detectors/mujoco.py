@@ -13,7 +13,7 @@ import numpy as np
 
 from touchstone.adapters.contract import Array, Scalar
 from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
-from touchstone.adapters.engines.mujoco.model import add_piece
+from touchstone.adapters.engines.mujoco.model import add_piece, hear_warnings
 
 FAR = 100.0
 """Maximum distance of a query [m]: larger than that of any pair in the study."""
@@ -32,6 +32,7 @@ class MujocoDetector:
 
     def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
         """Compile a model per pair."""
+        hear_warnings()
         return PythonBatch(self._query, pairs, lambda: None)
 
     def describe(self) -> Mapping[str, Scalar]:

@@ -68,7 +68,7 @@ def imported(path: Path, name: str, allow_paths: bool = False) -> Imported:
         RobotError: the file is not valid, or holds what no scene can represent; a line per fault.
     """
     source = compiled(path, allow_paths)
-    notes: list[str] = []
+    notes = [f"MuJoCo: {text}" for text in source.warned]
     try:
         scenario = _scene(source, name, path.name, notes)
     except ScenarioError as error:

@@ -14,7 +14,7 @@ from typing import Any
 
 import mujoco
 
-from touchstone.adapters.engines.mujoco.model import write_no_log_file
+from touchstone.adapters.engines.mujoco.model import hear_warnings
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.xml_source import Element, found_file, parsed
 
@@ -47,11 +47,12 @@ FILES = {"mesh": "meshdir", "texture": "texturedir", "hfield": "", "skin": "", "
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A compiled robot: `urdf` or `mjcf`, its root element, and MuJoCo's model."""
+    """A compiled robot: `urdf` or `mjcf`, its root element, MuJoCo's model, and what MuJoCo warned of."""
 
     form: str
     root: Element
     model: Any
+    warned: tuple[str, ...]
 
 
 def compiled(path: Path, allow_paths: bool = False) -> Source:
@@ -66,10 +67,10 @@ def compiled(path: Path, allow_paths: bool = False) -> Source:
     if root.tag == "robot":
         with TemporaryDirectory() as scratch:
             load = _urdf_spec(root, path, allow_paths, Path(scratch))
-            return Source("urdf", root, _compiled(root, load, path))
+            return Source("urdf", root, *_compiled(root, load, path))
     if root.tag == "mujoco":
         _check_mjcf(root, path, allow_paths)
-        return Source("mjcf", root, _compiled(root, lambda: _mjcf_spec(root, path), path))
+        return Source("mjcf", root, *_compiled(root, lambda: _mjcf_spec(root, path), path))
     raise RobotError(f"{path}:{root.line}: found <{root.tag}>, expected <robot> (URDF) or <mujoco> (MJCF)")
 
 
@@ -223,15 +224,16 @@ def _mjcf_spec(root: Element, path: Path) -> Any:
     return spec
 
 
-def _compiled(root: Element, load: Any, path: Path) -> Any:
-    """Compile; raises RobotError with the line of the element that MuJoCo names."""
+def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...]]:
+    """The model, and MuJoCo's warnings; raises RobotError with the line of the element that MuJoCo names."""
+    warned: dict[str, None] = {}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            write_no_log_file()
+            hear_warnings(lambda text: warned.setdefault(" ".join(text.split())))
             spec = load()
             spec.compiler.fusestatic = False
-            return spec.compile()
+            return spec.compile(), tuple(warned)
     except (ValueError, mujoco.FatalError) as error:
         text = " ".join(str(error).split()).removeprefix("XML Error: ").removeprefix("Error: ")
         found = re.search(r"Element name '([^']*)'", text)

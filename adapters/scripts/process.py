@@ -105,10 +105,13 @@ class _Writer:
 
 def run(script: Path) -> str:
     """What a script prints; raises AdapterError with its last line of error."""
+    call = [sys.executable, str(script.resolve())]
     try:
-        done = subprocess.run(
-            [sys.executable, str(script)], capture_output=True, text=True, timeout=MOST_SECONDS, check=False
-        )
+        # engines write logs to the current folder
+        with scratch_folder() as folder:
+            done = subprocess.run(
+                call, cwd=folder, capture_output=True, text=True, timeout=MOST_SECONDS, check=False
+            )
     except subprocess.TimeoutExpired as error:
         raise AdapterError(f"{script}: did not end within {MOST_SECONDS:g} s") from error
     if done.returncode:

@@ -53,7 +53,7 @@ def pip_reason(text: str, name: str) -> str:
     if released:
         versions = [one.strip() for one in released[1].split(",")]
         if versions != ["none"]:
-            return f"does not exist for this interpreter; released: {', '.join(versions[-NEWEST:])}"
+            return f"does not exist for this interpreter; newest: {', '.join(versions[-NEWEST:])}"
         return f"pip finds no {name}: it is not released, or there is no connection"
     if "ResolutionImpossible" in text or "conflict" in text.lower():
         return "cannot be installed beside numpy and scipy of this program"

@@ -17,7 +17,14 @@ from typing import Any, NoReturn
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, CLOSED_OUTPUT, INTERNAL_ERROR, INTERRUPTED, stop
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    CLOSED_OUTPUT,
+    INTERNAL_ERROR,
+    INTERRUPTED,
+    Interrupted,
+    stop,
+)
 
 UsageError: Any = typer.BadParameter.__base__
 """Base class of all usage errors; typer does not export it."""
@@ -32,15 +39,19 @@ def guarded(program: Callable[[], int | None]) -> NoReturn:
         warnings.simplefilter("ignore")
     received = handle_signals()
     code: int | None = INTERNAL_ERROR
+    kept = "nothing was written"
     try:
         code = program()
         sys.stdout.flush()
     except UsageError as error:
         if type(error).__name__ == "NoArgsIsHelpError":  # it has printed the help
             sys.exit(BAD_INPUT)
-        what, context = " ".join(error.format_message().split()), getattr(error, "ctx", None)
+        message, context = error.format_message().replace("Value error, ", ""), getattr(error, "ctx", None)
+        what = " ".join(message.split())
         command = context.command_path if context else "touchstone"
         stop(f"{what.rstrip('.')} (see {command} --help)", BAD_INPUT)
+    except Interrupted as error:
+        code, kept = INTERRUPTED, str(error)
     except SystemExit as end:
         # typer turns a closed pipe into an exit of its own, with the code of a broken limit
         if isinstance(end.__context__, BrokenPipeError):
@@ -53,7 +64,7 @@ def guarded(program: Callable[[], int | None]) -> NoReturn:
     except Exception as error:
         _internal(error)
     if code == INTERRUPTED:
-        stop("interrupted; nothing was written", 128 + received[0] if received else INTERRUPTED)
+        stop(f"interrupted; {kept}", 128 + received[0] if received else INTERRUPTED)
     sys.exit(code)
 
 

@@ -11,6 +11,7 @@ from touchstone.reports.cli.options import (
     BAD_INPUT,
     INTERNAL_ERROR,
     LIMIT_BROKEN,
+    Interrupted,
     QuietOption,
     exit_for,
     known,
@@ -53,6 +54,8 @@ def nightly(
             night = opened.add(measured.frame, measured.identity)
             shutil.rmtree(work[0], ignore_errors=True)
             findings, sentence, page = _publish(opened, [*before, night], night, measured)
+    except KeyboardInterrupt:
+        raise Interrupted("finished scenes are kept, the same command goes on") from None
     except StoreError as error:
         stop(str(error), BAD_INPUT)
     except OSError as error:

@@ -8,6 +8,7 @@ from contextlib import contextmanager, redirect_stdout
 from contextvars import ContextVar
 from enum import StrEnum
 from io import StringIO
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -215,12 +216,19 @@ def version() -> str:
         return "not installed"
 
 
+FOLDERS = count(1)
+"""Numbers of the folders that this process has named."""
+
+
 def folder_of_now(prefix: str = "") -> Path:
-    """Default folder of results: runs/<prefix><time>-<process>; two runs of one second have two folders."""
+    """Default folder of results: runs/<prefix><time>-<process>, with a number from a process's second on; two
+    runs of one second have two folders."""
     import os
     from datetime import datetime
 
-    return Path("runs") / f"{prefix}{datetime.now():%Y-%m-%dT%H-%M-%S}-{os.getpid()}"
+    number = next(FOLDERS)
+    again = f"-{number}" if number > 1 else ""
+    return Path("runs") / f"{prefix}{datetime.now():%Y-%m-%dT%H-%M-%S}-{os.getpid()}{again}"
 
 
 def exit_for(verdicts: Iterable[str], by_name: bool, faults: bool = False) -> None:
@@ -284,13 +292,17 @@ def require_judge() -> None:
         stop("; ".join(faults), NOT_JUDGED)
 
 
+class Interrupted(SystemExit):
+    """Ctrl-C, or a signal that ends a run as it does; the text says what is kept."""
+
+
 @contextmanager
 def resumable(store: Path) -> Iterator[None]:
     """Ctrl-C ends a sweep with one line that says what is kept."""
     try:
         yield
     except KeyboardInterrupt:
-        stop(f"interrupted; what was measured is kept in {store}, the same command goes on", INTERRUPTED)
+        raise Interrupted(f"what was measured is kept in {store}, the same command goes on") from None
 
 
 @contextmanager

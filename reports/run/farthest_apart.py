@@ -117,7 +117,7 @@ def _distances(played: Mapping[Column, Context], groups: Mapping[str, list[int]]
 
 def _farthest(distances: Mapping[Pair, Array], frame_rate: float) -> tuple[float, str]:
     """Largest of the distances (f,) of a body, with a sentence: between which columns, when, from when on any
-    two are apart, and how far the others are without the column that is farthest from them."""
+    two are apart, and if any are, how far the others are without the column that is farthest from them."""
     peaks = {pair: float(np.nanmax(one)) for pair, one in distances.items()}
     pair = max(peaks, key=lambda each: peaks[each])
     when = int(np.nanargmax(distances[pair])) / frame_rate
@@ -127,7 +127,7 @@ def _farthest(distances: Mapping[Pair, Array], frame_rate: float) -> tuple[float
     onset = f"never above {limit}" if first is None else f"above {limit} from {first / frame_rate:.3g} s on"
     text = f"{' '.join(pair[0])} and {' '.join(pair[1])} at {when:.3g} s; {onset}"
     left = {c: max((d for p, d in peaks.items() if c not in p), default=nan) for c in pair}
-    if len(peaks) > 1:
+    if len(peaks) > 1 and first is not None:
         outlier = min(left, key=lambda column: left[column])
         text += f"; {length_text(left[outlier])} without {' '.join(outlier)}"
     return peaks[pair], text

@@ -16,6 +16,7 @@ import pytest
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recording import load
+from touchstone.adapters.workers import process
 from touchstone.adapters.workers.children import SLICE, Children, Job
 from touchstone.scenarios.effects import PLANNED
 
@@ -199,6 +200,13 @@ def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):
     assert ended["healthy"].status == "done"
     assert stage.alive() == []
     assert time.monotonic() - start > PATIENCE
+
+
+def test_waiting_for_a_processor_is_no_hang(scenario, tmp_path, monkeypatch):
+    """A child whose processors other processes have is waited for."""
+    monkeypatch.setattr(process, "queued_seconds", lambda pid: time.monotonic())
+    ended = Stage(tmp_path, scenario).play(["slow"], patience=PATIENCE)
+    assert ended["slow"].status == "done"
 
 
 def test_an_error_in_the_parent_stops_the_children(scenario, tmp_path):

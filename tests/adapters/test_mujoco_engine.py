@@ -169,12 +169,11 @@ def test_ball_bounces(e: float) -> None:
 
 
 def test_settings_are_neutral() -> None:
-    """Switch off autoreset, sleep and damping and say so from the compiled model; write no log file."""
+    """Switch off autoreset, sleep and damping and say so from the compiled model."""
     facts = ENGINE.build(scene(FLOOR, free("ball", SHAPES["sphere"], 1.0)), SETTINGS).describe().settings
     assert facts["autoreset"] is facts["sleep"] is False
     assert facts["dof_damping_max"] == facts["pair_margin_max"] == 0.0
     assert (facts["integrator"], facts["cone"]) == ("mjINT_IMPLICITFAST", "mjCONE_ELLIPTIC")
-    assert not mujoco.MjLogConfig.get().logto_file
 
 
 def test_recording_has_stages_and_work() -> None:
@@ -184,6 +183,18 @@ def test_recording_has_stages_and_work() -> None:
     assert recording.stage_seconds.sum() > 0
     assert recording.work[:, recording.work_names.tolist().index("contacts")].sum() > 0
     assert recording.facts["version"] == ENGINE.version() == mujoco.__version__
+
+
+def test_warnings_are_kept_and_write_no_file(tmp_path, monkeypatch, capsys) -> None:
+    """A warning of MuJoCo is in the output and the manifest; nothing is written where the user stands."""
+    monkeypatch.chdir(tmp_path)
+    world = ENGINE.build(scene(FLOOR, free("ball", SHAPES["sphere"], 1.0)), SETTINGS)
+    assert world.describe().settings["warnings"] == "none"
+    world._data.qvel[:] = np.nan
+    world.step()
+    assert "Nan, Inf or huge value in QVEL" in capsys.readouterr().err
+    assert "badqvel 1" in world.describe().settings["warnings"]
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_unsupported_is_said() -> None:

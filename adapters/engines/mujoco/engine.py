@@ -37,11 +37,11 @@ from touchstone.adapters.engines.mujoco.contacts import add_contacts, contact_pa
 from touchstone.adapters.engines.mujoco.model import (
     add_bodies,
     add_servos,
+    hear_warnings,
     inverse,
     prescribed_mass,
     set_options,
     turned,
-    write_no_log_file,
 )
 from touchstone.adapters.posed_drive import Posed, coupled, posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
@@ -89,7 +89,7 @@ class MujocoEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if MuJoCo cannot represent it."""
         require_profile(self.name, settings)
-        write_no_log_file()
+        hear_warnings()
         spec, bodies, drives = translated(scenario, settings)
         try:
             model = spec.compile()
@@ -317,7 +317,17 @@ class World:
             "shapes_that_pair_by_mask": int(np.count_nonzero(model.geom_contype | model.geom_conaffinity)),
             "hull_vertex_type": str(model.mesh_vert.dtype),
             "threads": "one" if self._data.threadpool == 0 else "pool",
+            "warnings": self._warnings(),
         }
+
+    def _warnings(self) -> str:
+        """MuJoCo's warnings so far, each with its number; its output has their texts."""
+        counts = {
+            name.removeprefix("mjWARN_").lower(): int(self._data.warning.number[int(kind)])
+            for name, kind in mujoco.mjtWarning.__members__.items()
+            if kind != mujoco.mjtWarning.mjNWARNING
+        }
+        return ", ".join(f"{name} {count}" for name, count in counts.items() if count) or "none"
 
     def _body_facts(self, body: int) -> BodyFacts:
         model = self._model

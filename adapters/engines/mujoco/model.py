@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
@@ -32,13 +33,12 @@ HEAVY = 1e4
 1e-4 of what it changes theirs; rounding of its forces disturbs bodies that are 1e7 times lighter."""
 
 
-def write_no_log_file() -> None:
-    """Send warnings to stderr only; by default MuJoCo also writes MUJOCO_LOG.TXT to the current folder."""
-    if not hasattr(mujoco, "MjLogConfig"):
-        return  # older versions have no such switch
-    log = mujoco.MjLogConfig.get()
-    log.logto_file = False
-    mujoco.MjLogConfig.set(log)
+def hear_warnings(
+    listener: Callable[[str], object] = lambda text: print(text, file=sys.stderr),
+) -> None:
+    """Give MuJoCo's warnings to a listener of this process, by default to standard error; without one MuJoCo
+    writes them to MUJOCO_LOG.TXT in the current folder."""
+    mujoco.set_mju_user_warning(listener)
 
 
 def set_options(spec: Any, scenario: Scenario, settings: Settings) -> None:

@@ -66,11 +66,11 @@ def _link(name: str, whole: MassProperties, pieces: tuple[Piece, ...]) -> Iterat
     moments, uniform_moments = (np.linalg.eigvalsh(np.array(one)) for one in (whole.inertia, solid))
     ratios = moments / uniform_moments
     if ratios.max() > MOMENTS or ratios.min() < 1 / MOMENTS:
+        span = " to ".join(dict.fromkeys(f"{ratio:.2g}" for ratio in (ratios.min(), ratios.max())))
         fitting = ", ".join(f"{moment:.3g}" for moment in uniform_moments)
         yield Finding(
             "inertia",
             name,
-            f"its moments are {ratios.min():.2g} to {ratios.max():.2g} times those of a uniform solid of its "
-            "shapes",
+            f"its moments are {span} times those of a uniform solid of its shapes",
             f"such a solid of {whole.mass:.3g} kg has {fitting} kg m^2 about its axes",
         )

@@ -19,7 +19,8 @@ DRIVEN_AUDIT_LIMIT = 0.1
 steps (`ball_snip`); half the impulse would be 0.5."""
 UNDRIVEN = "the engine poses its driven bodies itself: no drive to balance"
 UNTOUCHED = 1e-9
-"""Change of velocity over |v| + g T, both at their largest, below which it is rounding [1]."""
+"""Change of velocity over |v| + g T, both at their largest, below which it is rounding in double precision
+[1]."""
 BOUNCE_SPEED = 1.0
 """Least approach speed of a judged bounce [m/s]; below it, engines and method fade restitution out."""
 
@@ -43,7 +44,7 @@ def impulse_balance(context: Context) -> Values:
         change = context.mass[body] * np.diff(context.recording.linear_velocity[:, body], axis=0)
         change -= context.mass[body] * context.gravity * context.frame
         total = np.linalg.norm(change, axis=1).sum()
-        if total > UNTOUCHED * context.mass[body] * _pace(context, body):
+        if total > _rounding(context, body) * context.mass[body] * _pace(context, body):
             residual = np.linalg.norm(felt - change, axis=1).sum()
             found[context.scenario.bodies[body].name] = float(residual / total)
     if not found:
@@ -89,6 +90,16 @@ def driven_pairs(context: Context) -> dict[str, tuple[str, str]]:
     mine = rows[(driven[rows["body_a"]] | driven[rows["body_b"]]) & pressing]
     met = set(zip(mine["body_a"].tolist(), mine["body_b"].tolist()))
     return {context.owner_pair(a, b): (context.owner(a), context.owner(b)) for a, b in sorted(met)}
+
+
+def _rounding(context: Context, body: int) -> float:
+    """Change of velocity over `_pace` below which it is rounding [1]: of every native step where velocities
+    have the digits of single precision, in which engines of single precision add up gravity."""
+    velocity = context.recording.linear_velocity[:, body]
+    if not np.array_equal(velocity, velocity.astype(np.float32)):
+        return UNTOUCHED
+    steps = context.recording.time[-1] / float(context.recording.facts["dt"])
+    return float(steps * np.finfo(np.float32).eps)
 
 
 def _pace(context: Context, body: int) -> float:

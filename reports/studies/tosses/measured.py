@@ -94,6 +94,8 @@ def read(folder: Path) -> tuple[Box, list[Toss]]:
         found = list(_archive(folder / ARCHIVE))
     else:
         found = [_table(path) for path in sorted(folder.glob("*.csv"))]
+    if not folder.is_dir():
+        raise RefusedError(f"{folder}: no such folder")
     if not found:
         raise RefusedError(f"{folder}: expected {ARCHIVE}, or files .csv, each with a toss")
     return box, [_checked(box, *one) for one in found]

@@ -98,6 +98,7 @@ def test_links_that_overlap_at_the_start_are_named(check):
     ("inertia", "text"),
     [
         ('mass="1" diaginertia="1 1 1"', "its moments are 71 to 6e+02 times those"),
+        ('mass="1" diaginertia="0.0167 0.142 0.142"', "its moments are 10 times those"),
         ('mass="1" diaginertia="1e-5 1e-5 1e-5"', "its moments are 0.00071 to 0.006 times those"),
         ('mass="1000" diaginertia="1.67 14.2 14.2"', "1e+03 kg in its shapes are 2.5e+05 kg/m^3"),
     ],

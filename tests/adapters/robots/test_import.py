@@ -236,6 +236,17 @@ def test_slides_are_held_and_named(robot):
     assert "joint 'ankle' slides: it stays where it starts, since scenes have hinges only" in found.notes
 
 
+def test_what_mujoco_warns_of_is_a_note(robot, tmp_path, monkeypatch):
+    """A warning of MuJoCo becomes a note, not a log in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    found = robot(
+        '<mujoco><custom><numeric name="n" data="nan"/></custom>'
+        '<worldbody><body name="a"><freejoint/><geom size="1" mass="1"/></body></worldbody></mujoco>'
+    )
+    assert found.notes[0] == "MuJoCo: XML contains a 'NaN'. Please check it carefully."
+    assert {path.name for path in tmp_path.iterdir()} == {"robot.xml", "tip.obj"}
+
+
 def test_models_of_pybullet_import_or_say_why(tmp_path):
     """Each model gives a valid scene of the model's mass, or one line with its element."""
     home = folders()["pybullet"]

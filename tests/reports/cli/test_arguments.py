@@ -36,9 +36,8 @@ def test_the_program_is_installed():
         pytest.skip("the project is not installed with its script")
     done = subprocess.run([program, "run", "bal_snip"], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (2, "")
-    valid = ", ".join(catalogue())
     assert done.stderr.startswith("touchstone: unknown scenario 'bal_snip'; did you mean 'ball_snip'")
-    assert done.stderr.endswith(f"? (valid: {valid})\n")
+    assert done.stderr.endswith(f"? (valid: {len(catalogue())} names: touchstone list scenarios)\n")
     assert done.stderr.count("\n") == 1
 
 

@@ -52,6 +52,29 @@ def test_a_killed_run_leaves_nothing_to_its_successor(tmp_path, left, touchstone
     assert left(tmp_path) == ["s"]
 
 
+KEPT = """
+import os, signal, time, typer
+from pathlib import Path
+from touchstone.reports.cli.guard import guarded
+from touchstone.reports.cli.options import resumable
+app = typer.Typer()
+@app.command()
+def measure() -> None:
+    with resumable(Path("runs/sweep")):
+        os.kill(os.getpid(), signal.NAME)
+        time.sleep(60)
+guarded(lambda: app([], standalone_mode=False))
+"""
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_an_interrupted_sweep_says_what_is_kept(name, code):
+    """The last line names the store, and the exit code the signal."""
+    done = subprocess.run([sys.executable, "-c", KEPT.replace("NAME", name)], capture_output=True, text=True)
+    line = "touchstone: interrupted; what was measured is kept in runs/sweep, the same command goes on"
+    assert (done.returncode, done.stderr.splitlines()[-1]) == (code, line)
+
+
 def test_two_runs_do_not_collide(tmp_path, touchstone, left):
     """A second run into a folder that is being written is refused at once; default names differ."""
     with output_folder(tmp_path / "r") as part:
@@ -70,7 +93,10 @@ def test_two_runs_do_not_collide(tmp_path, touchstone, left):
         text=True,
         check=True,
     )
-    assert other.stdout.strip().rpartition("-")[2] != folder_of_now().name.rpartition("-")[2]
+    process = f"-{os.getpid()}"
+    assert process in folder_of_now().name
+    assert process not in other.stdout
+    assert folder_of_now() != folder_of_now()
 
 
 @pytest.mark.parametrize("locale", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}])

@@ -69,7 +69,7 @@ def test_an_update_that_changes_physics_is_told(touchstone, released, tmp_path):
     code, out, err = touchstone(
         *_arguments("1.0", SAME, LIGHTER, BROKEN, "9.9"), "fall", "--rounds", 1, "--out", "found"
     )
-    assert "fake-physics 9.9: does not exist for this interpreter; released: 1.0, 1.1, 2.0, 3.0" in err
+    assert "fake-physics 9.9: does not exist for this interpreter; newest: 1.0, 1.1, 2.0, 3.0" in err
     assert f"faked {BROKEN}: cannot be imported: libphysics.so.3 is missing" in err
     assert f"{SAME}: physics: 1 of 1 runs are the same to the bit as in 1.0" in out
     # 10 % of the fall of 1 s, in steps
