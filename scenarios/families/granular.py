@@ -46,10 +46,10 @@ PACKED = 0.58
 SCATTERS = 0.1
 """Share of the weight by which the floor's load differs between windows of a run [1]."""
 JANSSEN = (
-    "Janssen (1895), Z. VDI 39, 1045: the floor of a silo carries (1 - e^-x) / x of the weight, x = 4 mu K "
-    "h / width; for K sources differ, from Rankine's (1 - sin) / (1 + sin) to (1 - sin^2) / (1 + sin^2) at "
-    "a wall that slips, tan = mu: 0.38 to 0.67. Marini Bettolo Marconi et al. (2000), Physica A 280, 279: "
-    "loads scatter widely. Value: the middle; tolerance: the ends, and a tenth of the weight"
+    "Janssen (1895), Z. VDI 39, 1045: the floor of a silo carries (1 - e^-x) / x of the weight, x = 4 mu "
+    "K h / width; for K sources differ, from Rankine's (1 - sin) / (1 + sin) to (1 - sin^2) / (1 + sin^2) "
+    "at a wall that slips, tan = mu: 0.38 to 0.67. Marini Bettolo Marconi et al. (2000), Physica A 280, "
+    "279: loads scatter widely. Value: the middle; tolerance: the ends, and a tenth of the weight"
 )
 
 
