@@ -269,6 +269,7 @@ PROBES: tuple[Limit, ...] = (
         Limit(one, inf, "a choice of law: `impact.law`", scenario="cradle")
         for one in (*OF_A_LAW, "published.error")
     ),
+    Limit("published.error", inf, "a choice of law: `impact.law`", scenario="rod_e1"),
     *(
         Limit(one, largest, "impacts come one after another", "reference", "cradle", "paper")
         for one, largest in zip(OF_A_LAW, (0.05, 0.05, 5e-3, 5e-4))

@@ -43,7 +43,8 @@ def published_part(frame: pd.DataFrame, scenarios: Iterable[Scenario]) -> Part:
                     cells.append(run.verdict if run and run.verdict else "-")
                 else:
                     value = one.value + measured.value * one.tolerance
-                    cells.append(digits(value, one.tolerance) + MARKS.get(measured.verdict, ""))
+                    text = " ".join((digits(value, one.tolerance), one.outcome(value))).strip()
+                    cells.append(text + MARKS.get(measured.verdict, ""))
             number = sources.setdefault(one.source, len(sources) + 1)
             known = (digits(one.value, one.tolerance), f"{one.tolerance:.2g}")
             lines.append([scenario.name, f"{one.name} [{number}]", one.unit, *known, *cells])

@@ -10,8 +10,17 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.families.ellipsoid import on_floor, quaternion
-from touchstone.scenarios.scenario import Body, Box, Piece, Scenario, Sphere, Vector, vector
-from touchstone.scenarios.solids import box_inertia, sphere_inertia
+from touchstone.scenarios.scenario import (
+    Body,
+    Box,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    Sphere,
+    Vector,
+    vector,
+)
+from touchstone.scenarios.solids import box_inertia, slab, sphere_inertia
 from touchstone.scenarios.truths.published import Published
 
 HEAD: Vector = (0.05, 0.05, 0.01)
@@ -73,6 +82,53 @@ def tippe_top() -> Scenario:
     along, along_body = (0.0, 0.0, 1.0), (0.0, 0.0, -ratio)
     constant = Published("Jellett", "top", "spin", value, 0.01 * value, JELLETT, 3.0, 3.0, along, along_body)
     return replace(plain, published=(constant,))
+
+
+LEINE = (
+    "Jellett (1872): the angular momentum along the arm is kept until the stem touches, whatever rubs at "
+    "a point. Top of Leine & Glocker (2003), Eur. J. Mech. A 22, 193, as in Siconos' tippe_top.py; theirs "
+    "turns over by drilling friction on 0.5 mm, on a point it goes on rolling at 2 degrees (integrated)"
+)
+SMALL = 6e-3
+"""Mass of their top [kg]."""
+ACROSS, ALONG = 8e-7, 7e-7
+"""Its moments of inertia across and along its axis [kg m2]."""
+BALLS = ((1.5e-2, 3e-3), (5e-3, 1.6e-2))
+"""Radii of its head and of its stem, and how high their centres lie above the centre of mass [m]."""
+SPUN = 180.0
+"""Its first spin about its axis [rad/s]."""
+
+
+@scene
+def tippe_top_small() -> Scenario:
+    """A top of 6 g, as wide as a thumb, whose engines need steps well below a turn of 35 ms."""
+    turn, (radius, rise) = Rotation.from_rotvec((0.0, LEAN, 0.0)), BALLS[0]
+    axis = turn.apply((0.0, 0.0, 1.0))
+    body = Body(
+        "top",
+        "simulated",
+        "rubber",
+        tuple(Piece(name, Sphere(r), (0.0, 0.0, a)) for name, (r, a) in zip(("head", "stem"), BALLS)),
+        mass=SMALL,
+        inertia=((ACROSS, 0.0, 0.0), (0.0, ACROSS, 0.0), (0.0, 0.0, ALONG)),
+        position=(0.0, 0.0, -float(_arm(rise, radius, axis)[2])),
+        orientation=quaternion(turn),
+        angular_velocity=vector(SPUN * axis),
+    )
+    value = ALONG * SPUN * (cos(LEAN) - rise / radius)
+    constant = Published(
+        "Jellett", "top", "momentum", value, 0.01 * value, LEINE, 1.0, 1.0, (0.0, 0.0, 1.0),
+        (0.0, 0.0, -rise / radius),
+    )  # fmt: skip
+    return Scenario(
+        name="tippe_top_small",
+        summary="a tippe top of 6 g spins at 180 rad/s",
+        tags=("literature",),
+        bodies=(slab("floor", "rubber"), body),
+        coefficients=(PairCoefficients("rubber", "rubber", 0.0, 0.3),),
+        duration=1.0,
+        published=(constant,),
+    )
 
 
 def _arm(offset: float, radius: float, axis: np.ndarray) -> np.ndarray:

@@ -64,6 +64,19 @@ def test_error_relative_to_another_body(recordings, known):
     assert found["slip"].value == pytest.approx(3.0)
 
 
+def test_reach_of_a_heap(recordings, known):
+    """Grains that all move on by the published run-out have no error; one that rolls on adds none."""
+    scene = catalogue()["column_10"]
+    (one,) = scene.published
+    still = recordings.recording(scene)
+    moved = still.position.copy()
+    grains = [k for k, body in enumerate(scene.bodies) if body.name.startswith("grain_")]
+    moved[-1, grains, 0] += one.value
+    moved[-1, grains[0], 0] += 1.0
+    found = known.value("published.error", replace(still, position=moved), scene)
+    assert found["front"].value == pytest.approx(0.0, abs=0.05)
+
+
 def test_what_is_not_measured(recordings, known):
     """Scenes without published values, and runs that ended early, have a reason."""
     with pytest.raises(NotMeasured, match="states no published value"):

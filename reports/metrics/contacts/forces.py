@@ -8,7 +8,8 @@ compare. Links count as their driven body.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
+from itertools import product
 from math import atan2, cos, sin
 
 import numpy as np
@@ -20,6 +21,7 @@ from touchstone.reports.metrics.context import Context, NotMeasured, Value, Valu
 from touchstone.scenarios.scenario import Arc, Box, Sphere
 from touchstone.scenarios.truths.force_truth import ForceTruth
 from touchstone.scenarios.truths.named_pairs import named_pairs
+from touchstone.scenarios.truths.published import Published, members
 
 
 def contact_forces(context: Context) -> dict[str, Array]:
@@ -74,7 +76,7 @@ def force_error(context: Context) -> Values:
         first, end = truth.frames(context.scenario.frame_rate)
         if end > played:
             raise NotMeasured("the end was not played")
-        value = _mean_force(context, truth, first, end)
+        value = _mean_force(context, named_pairs(context.scenario, truth.body, truth.other), first, end)
         unit = "N"
         if truth.quantity == "impulse":
             value, unit = value * (end - first) * context.frame, "N s"
@@ -86,11 +88,19 @@ def force_error(context: Context) -> Values:
     return found
 
 
-def _mean_force(context: Context, truth: ForceTruth, first: int, end: int) -> float:
-    """Mean normal force of a pair of names over the steps from `first` to `end` - 1 [N]."""
-    wanted = named_pairs(context.scenario, truth.body, truth.other)
+def force_between(context: Context, one: Published) -> float:
+    """The published mean normal force as measured [N]."""
+    names = [body.name for body in context.scenario.bodies]
+    sides = members(one.body, names), members(one.other, names)
+    pairs = {(min(pair), max(pair)) for pair in product(*sides)}
+    window = ForceTruth(one.body, one.other, one.start, one.end, one.value)
+    return _mean_force(context, pairs, *window.frames(context.scenario.frame_rate))
+
+
+def _mean_force(context: Context, pairs: Container[tuple[int, int]], first: int, end: int) -> float:
+    """Mean normal force of pairs over the steps from `first` to `end` - 1 [N]."""
     met, which = context.met
-    rows = np.isin(which, [k for k, pair in enumerate(met) if pair in wanted])
+    rows = np.isin(which, [k for k, pair in enumerate(met) if pair in pairs])
     rows &= (context.contact_frame >= first) & (context.contact_frame < end)
     return float(np.maximum(context.impulses[0][rows], 0.0).sum() / ((end - first) * context.frame))
 

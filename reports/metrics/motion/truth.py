@@ -10,12 +10,14 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.contacts.forces import force_between
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
 from touchstone.reports.metrics.motion.events import bounces
 from touchstone.scenarios.closed_form import flips
 from touchstone.scenarios.scenario import Arc
 from touchstone.scenarios.truths.body_motion import Motion
 from touchstone.scenarios.truths.impact_laws import outcomes
+from touchstone.scenarios.truths.published import FRONT, MOMENT, members
 
 
 def truth_position(context: Context) -> Values:
@@ -86,6 +88,8 @@ def published_error(context: Context) -> Values:
     if recording.time[-1] < max(one.end for one in scenario.published) - context.frame / 2:
         raise NotMeasured("the end was not played")
 
+    names = [body.name for body in scenario.bodies]
+
     def motion(name: str) -> Motion:
         k = scenario.body_index(name)
         return Motion(
@@ -97,8 +101,17 @@ def published_error(context: Context) -> Values:
 
     found = {}
     for one in scenario.published:
-        value = one.measured(recording.time, motion(one.body), motion(one.other) if one.other else None)
-        text = f"{value:.6g} of {one.value:.6g} {one.unit}"
+        if one.quantity == "force":
+            value = force_between(context, one)
+        elif one.quantity == "reach":
+            frames = np.searchsorted(recording.time, (one.start - MOMENT, one.end - MOMENT))
+            places = context.mass_centers[frames][:, members(one.body, names)] @ np.array(one.along)
+            value = float(np.diff(np.quantile(places, FRONT, axis=1))[0])
+        else:
+            inertia = scenario.bodies[scenario.body_index(one.body)].inertia
+            other = motion(one.other) if one.other else None
+            value = one.measured(recording.time, motion(one.body), other, inertia)
+        text = " ".join((f"{value:.6g} of {one.value:.6g} {one.unit}", one.outcome(value))).strip()
         found[one.name] = Value((value - one.value) / one.tolerance, text)
     return found
 
