@@ -95,6 +95,14 @@ class Capsule:
 
 
 @dataclass(frozen=True, slots=True)
+class Cylinder:
+    """Points within `radius` [m] of the z axis and with |z| <= `half_length` [m]."""
+
+    radius: float
+    half_length: float
+
+
+@dataclass(frozen=True, slots=True)
 class Ellipsoid:
     """Ellipsoid with `half_axes` [m] along the piece's axes."""
 
@@ -108,7 +116,7 @@ class Hull(ShortRepr):
     vertices: tuple[Vector, ...]
 
 
-Shape = Sphere | Box | Capsule | Ellipsoid | Hull
+Shape = Sphere | Box | Capsule | Cylinder | Ellipsoid | Hull
 
 
 @dataclass(frozen=True, slots=True, repr=False)

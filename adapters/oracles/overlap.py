@@ -19,7 +19,7 @@ from touchstone.adapters.contract import AdapterError, Array
 from touchstone.adapters.oracles.closed_distance import Answers, Placed, at, closed_distance
 from touchstone.adapters.oracles.near_pairs import blocks, near_pairs
 from touchstone.adapters.recording import Recording
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
+from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Scenario, Shape, Sphere
 
 Pose = tuple[Array, Array]
 """Rotation matrix (3, 3) and position (3,)."""
@@ -208,6 +208,8 @@ def coal_shape(shape: Shape) -> object:
             return coal.Box(*(2 * extent for extent in half_extents))
         case Capsule(radius, half_length):
             return coal.Capsule(radius, 2 * half_length)
+        case Cylinder(radius, half_length):
+            return coal.Cylinder(radius, 2 * half_length)
         case Ellipsoid(half_axes):
             return coal.Ellipsoid(*half_axes)
         case Hull(vertices):
@@ -226,6 +228,8 @@ def _half_sides(shape: Shape) -> tuple[float, float, float]:
             return half
         case Capsule(radius, half_length):
             return radius, radius, half_length + radius
+        case Cylinder(radius, half_length):
+            return radius, radius, half_length
         case Ellipsoid(half):
             return half
         case Hull(vertices):

@@ -17,6 +17,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Quaternion,
@@ -25,7 +26,16 @@ from touchstone.scenarios.scenario import (
     Vector,
     vector,
 )
-from touchstone.scenarios.solids import Motion, ball, block, capsule, ellipsoid, hull, hull_mass_properties
+from touchstone.scenarios.solids import (
+    Motion,
+    ball,
+    block,
+    capsule,
+    cylinder,
+    ellipsoid,
+    hull,
+    hull_mass_properties,
+)
 
 Array = NDArray[np.float64]
 
@@ -103,6 +113,8 @@ def solid(
             return block(name, MATERIAL, half_extents, *state, **motion)
         case Capsule(radius, half_length):
             return capsule(name, MATERIAL, radius, half_length, *state, **motion)
+        case Cylinder(radius, half_length):
+            return cylinder(name, MATERIAL, radius, half_length, *state, **motion)
         case Ellipsoid(half_axes):
             return ellipsoid(name, MATERIAL, half_axes, *state, **motion)
         case Hull(vertices):
@@ -119,6 +131,8 @@ def support(shape: Shape, orientation: Quaternion, direction: Vector) -> float:
             return float(np.abs(local) @ half_extents)
         case Capsule(radius, half_length):
             return float(radius + half_length * abs(local[2]))
+        case Cylinder(radius, half_length):
+            return float(radius * np.hypot(local[0], local[1]) + half_length * abs(local[2]))
         case Ellipsoid(half_axes):
             return float(np.linalg.norm(local * half_axes))
         case Hull(vertices):

@@ -28,7 +28,18 @@ from scipy.spatial import ConvexHull
 from touchstone.adapters.contract import BodyFacts, Scalar, Unsupported
 from touchstone.adapters.registry import DEFAULT
 from touchstone.adapters.servo import Drive
-from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Joint, Piece, Scenario, Sphere
+from touchstone.scenarios.scenario import (
+    Body,
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Hull,
+    Joint,
+    Piece,
+    Scenario,
+    Sphere,
+)
 
 ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
 DETECTORS = {
@@ -211,6 +222,8 @@ def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: 
             shape = _add_box(node, piece.shape, name)
         case Capsule():
             shape = _add_capsule(node, piece.shape, name)
+        case Cylinder():
+            shape = _add_cylinder(node, piece.shape, name)
         case Ellipsoid():
             shape = _add_ellipsoid(node, piece.shape, name)
         case Hull():
@@ -235,6 +248,10 @@ def _add_box(node: Any, shape: Box, name: str) -> Any:
 
 def _add_capsule(node: Any, shape: Capsule, name: str) -> Any:
     return node.createShapeNode(dartpy.dynamics.CapsuleShape(shape.radius, 2 * shape.half_length), name)
+
+
+def _add_cylinder(node: Any, shape: Cylinder, name: str) -> Any:
+    return node.createShapeNode(dartpy.dynamics.CylinderShape(shape.radius, 2 * shape.half_length), name)
 
 
 def _add_ellipsoid(node: Any, shape: Ellipsoid, name: str) -> Any:
