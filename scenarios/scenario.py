@@ -300,8 +300,9 @@ class Truth(ShortRepr):
     gravity, with three different moments of inertia. coupling: Eq. 6 with a tracker that moves linearly
     within a frame. carried: a body that sticks to or slides on the level top of the scene's prescribed body,
     which moves in a vertical plane without turning. turntable: a ball that rolls on a prescribed body, which
-    turns about the vertical at a constant rate. smooth_contact: a ball or an ellipsoid on fixed boxes, or a
-    ball on fixed balls. tipping: a prism that tips from edge to edge down a fixed slope, e = 0.
+    turns about the vertical at a constant rate. smooth_contact: a ball, an ellipsoid or the rim of a cylinder
+    on fixed boxes, or a ball on fixed balls. tipping: a prism that tips from edge to edge down a fixed slope,
+    e = 0.
     """
 
     body: str
