@@ -146,8 +146,8 @@ def _tipping(name: str, summary: str, slope: float, tips: bool) -> Scenario:
         bodies.append(block("stop", "wood", half, 0.0, vector(at), quaternion(tilt), kind="fixed"))
     if tips:
         met = (Expectation("meet", "post", "stop", 0.3, 0.9),)
-        return _scene(name, summary, bodies, 0.6, tags=("probe", "impact"), expectations=met)
-    return _scene(name, summary, bodies, 0.6, truths=(Truth("post", "arcs", (Arc(0.0, start),)),))
+        return _scene(name, summary, bodies, 1.0, tags=("probe", "impact"), expectations=met)
+    return _scene(name, summary, bodies, 1.0, truths=(Truth("post", "arcs", (Arc(0.0, start),)),))
 
 
 DISC = (0.1, 0.01)

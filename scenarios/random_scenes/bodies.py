@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 
 MATERIAL = "wood"
 SHAPES = ("sphere", "box", "capsule", "ellipsoid", "hull", "coin")
+"""Shapes of most kinds of scenes; `cylinder` is one of those that name it."""
 FLAT = ("box", "hull", "coin")
 """Shapes that rest on a face."""
 ASPECT = (0.3, 1.0)
@@ -56,7 +57,7 @@ HEAVIEST = 10.0
 
 
 def random_shape(rng: Generator, reach: float, kinds: Sequence[str] = SHAPES) -> Shape:
-    """Random shape of one of `kinds` (names of SHAPES) within `reach` [m] of its centre of mass."""
+    """Random shape of one of `kinds` (SHAPES, or cylinder) within `reach` [m] of its centre of mass."""
     a, b = rng.uniform(*ASPECT, 2)
     match str(rng.choice(kinds)):
         case "sphere":
@@ -66,6 +67,10 @@ def random_shape(rng: Generator, reach: float, kinds: Sequence[str] = SHAPES) ->
             return Box(vector(reach / np.linalg.norm(half) * half))
         case "capsule":
             return Capsule(reach * a / 2, reach * (1 - a / 2))
+        case "cylinder":
+            sides = np.array((a, 1.0) if b < np.mean(ASPECT) else (1.0, a))
+            radius, half_length = (reach / np.linalg.norm(sides) * sides).tolist()
+            return Cylinder(radius, half_length)
         case "ellipsoid":
             return Ellipsoid(vector(reach * rng.permutation([1.0, a, b])))
         case "coin":
