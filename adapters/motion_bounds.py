@@ -29,6 +29,7 @@ from touchstone.scenarios.scenario import (
     TRACKED,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Piece,
@@ -91,6 +92,8 @@ def extent(piece: Piece) -> float:
             size = float(np.linalg.norm(half_extents))
         case Capsule(radius, half_length):
             size = radius + half_length
+        case Cylinder(radius, half_length):
+            size = float(np.hypot(radius, half_length))
         case Ellipsoid(half_axes):
             size = max(half_axes)
         case Hull(vertices):
@@ -186,6 +189,8 @@ def _inner(piece: Piece) -> float:
             return radius
         case Box(half_extents):
             return min(half_extents)
+        case Cylinder(radius, half_length):
+            return min(radius, half_length)
         case Ellipsoid(half_axes):
             return min(half_axes)
         case Hull(_):

@@ -30,6 +30,7 @@ from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.adapters.step_log import StepLog
 from touchstone.scenarios.effects import EFFECT_TABLE
+from touchstone.scenarios.files.write import scene_data
 from touchstone.scenarios.places import coinciding
 from touchstone.scenarios.plan import Decision, Plan
 from touchstone.scenarios.scenario import Scenario
@@ -51,7 +52,7 @@ CROSSINGS = 200
 @lru_cache(maxsize=16)
 def scenario_json(scenario: Scenario) -> str:
     """A scenario as JSON text."""
-    return json.dumps(dataclasses.asdict(scenario), allow_nan=False)
+    return json.dumps(scene_data(scenario), allow_nan=False)
 
 
 def manifest_json(manifest: Manifest) -> str:

@@ -20,7 +20,17 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
+from touchstone.scenarios.scenario import (
+    Body,
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Hull,
+    Piece,
+    Scenario,
+    Sphere,
+)
 
 AXES, QUATERNION = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
 
@@ -103,6 +113,8 @@ def _shape(piece: Piece) -> Mesh:
             return _ball(np.array(half), 0.0)
         case Capsule(radius, half_length):
             return _ball(np.full(3, radius), half_length)
+        case Cylinder(radius, half_length):
+            return _cylinder(radius, half_length)
         case Box(half):
             signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
             return _hull(signs * np.array(half))
@@ -119,6 +131,18 @@ def _hull(vertices: Array) -> Mesh:
     inward = np.einsum("ij,ij->i", across, normals) < 0
     faces[inward] = faces[inward][:, ::-1]
     return faces.reshape(-1, 3), np.repeat(normals, 3, axis=0)
+
+
+def _cylinder(radius: float, half_length: float) -> Mesh:
+    """Prism of SIDES sides whose side has the cylinder's normals."""
+    turns = 2 * pi * np.arange(SIDES) / SIDES
+    rim = radius * np.column_stack((np.cos(turns), np.sin(turns)))
+    corners, normals = _hull(
+        np.vstack([np.column_stack((rim, np.full(SIDES, z))) for z in (-half_length, half_length)])
+    )
+    side = np.abs(normals[:, 2]) < 0.5
+    normals[side, :2] = corners[side, :2] / radius
+    return corners, normals
 
 
 def _ball(half: Array, half_length: float) -> Mesh:

@@ -95,6 +95,14 @@ class Capsule:
 
 
 @dataclass(frozen=True, slots=True)
+class Cylinder:
+    """Points within `radius` [m] of the z axis and with |z| <= `half_length` [m]."""
+
+    radius: float
+    half_length: float
+
+
+@dataclass(frozen=True, slots=True)
 class Ellipsoid:
     """Ellipsoid with `half_axes` [m] along the piece's axes."""
 
@@ -108,7 +116,7 @@ class Hull(ShortRepr):
     vertices: tuple[Vector, ...]
 
 
-Shape = Sphere | Box | Capsule | Ellipsoid | Hull
+Shape = Sphere | Box | Capsule | Cylinder | Ellipsoid | Hull
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -292,8 +300,9 @@ class Truth(ShortRepr):
     gravity, with three different moments of inertia. coupling: Eq. 6 with a tracker that moves linearly
     within a frame. carried: a body that sticks to or slides on the level top of the scene's prescribed body,
     which moves in a vertical plane without turning. turntable: a ball that rolls on a prescribed body, which
-    turns about the vertical at a constant rate. smooth_contact: a ball or an ellipsoid on fixed boxes, or a
-    ball on fixed balls. tipping: a prism that tips from edge to edge down a fixed slope, e = 0.
+    turns about the vertical at a constant rate. smooth_contact: a ball, an ellipsoid or the rim of a cylinder
+    on fixed boxes, or a ball on fixed balls. tipping: a prism that tips from edge to edge down a fixed slope,
+    e = 0.
     """
 
     body: str

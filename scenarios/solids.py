@@ -16,6 +16,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Kind,
@@ -64,6 +65,12 @@ def capsule_inertia(mass: float, radius: float, half_length: float) -> Matrix:
     middle = mass - ends
     across = middle * (r * r / 4 + h * h / 3) + ends * (2 * r * r / 5 + h * h + 3 * h * r / 4)
     return _diagonal(across, across, middle * r * r / 2 + ends * 2 * r * r / 5)
+
+
+def cylinder_inertia(mass: float, radius: float, half_length: float) -> Matrix:
+    """Inertia [kg m^2] of a uniform solid cylinder along z about its centre; radius and half length in m."""
+    across = mass * (radius * radius / 4 + half_length * half_length / 3)
+    return _diagonal(across, across, mass * radius * radius / 2)
 
 
 def hull_mass_properties(
@@ -187,6 +194,23 @@ def capsule(
     return _solid(
         name, kind, material, Capsule(radius, half_length), mass, inertia, (position, orientation), motion
     )
+
+
+def cylinder(
+    name: str,
+    material: str,
+    radius: float,
+    half_length: float,
+    mass: float = 0.0,
+    position: Vector = ORIGIN,
+    orientation: Quaternion = IDENTITY,
+    kind: Kind = "simulated",
+    **motion: Unpack[Motion],
+) -> Body:
+    """A solid cylinder along the body's z axis; radius and half length in m, mass in kg, then its state."""
+    inertia = cylinder_inertia(mass, radius, half_length)
+    shape = Cylinder(radius, half_length)
+    return _solid(name, kind, material, shape, mass, inertia, (position, orientation), motion)
 
 
 def ellipsoid(

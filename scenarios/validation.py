@@ -34,6 +34,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Joint,
@@ -194,7 +195,7 @@ def _check_shape(shape: Shape, path: str, report: Report) -> None:
             positive([radius], f"{path}.radius", report, most=LONGEST)
         case Box(half_extents):
             positive(half_extents, f"{path}.half_extents", report, 3, LONGEST)
-        case Capsule(radius, half_length):
+        case Capsule(radius, half_length) | Cylinder(radius, half_length):
             positive([radius], f"{path}.radius", report, most=LONGEST)
             positive([half_length], f"{path}.half_length", report, most=LONGEST)
         case Ellipsoid(half_axes):

@@ -25,6 +25,7 @@ _PARTS = (
     "Box",
     "Capsule",
     "Chain",
+    "Cylinder",
     "Ellipsoid",
     "Expectation",
     "Hull",

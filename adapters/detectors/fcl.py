@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 from touchstone.adapters.contract import Array, Scalar, Unsupported
 from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
 from touchstone.adapters.engines.reference.reference_world import matrix
-from touchstone.scenarios.scenario import Box, Capsule, Hull, Piece, Shape, Sphere
+from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Hull, Piece, Shape, Sphere
 
 
 class FclCollide:
@@ -98,6 +98,8 @@ def _shape(shape: Shape) -> Any:
             return fcl.Box(*(2 * extent for extent in half_extents))
         case Capsule(radius, half_length):
             return fcl.Capsule(radius, 2 * half_length)
+        case Cylinder(radius, half_length):
+            return fcl.Cylinder(radius, 2 * half_length)
         case Hull(vertices):
             points = np.array(vertices)
             faces = outward_faces(points)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Shape, Sphere
+from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Shape, Sphere
 
 LEVEL = 1e-9
 """Difference in height of points of a shape that are equally low [m]: a tenth of the oracle's tolerance."""
@@ -138,6 +138,9 @@ def _extent(shape: Shape, turned: Array) -> tuple[Array, Array]:
             reach = np.abs(turned) @ np.array(half)
         case Capsule(radius, half_length):
             reach = np.abs(turned[:, :, 2]) * half_length + radius
+        case Cylinder(radius, half_length):
+            across = np.hypot(turned[:, :, 0], turned[:, :, 1])
+            reach = np.abs(turned[:, :, 2]) * half_length + across * radius
         case Ellipsoid(axes):
             reach = np.sqrt(np.square(turned) @ np.square(axes))
         case Hull(vertices):
@@ -158,6 +161,12 @@ def _lowest(shape: Shape, turned: Array, axis: NDArray[np.int64], sign: Array) -
         case Capsule(radius, half_length):
             own = -radius * up
             own[:, 2] -= half_length * np.sign(_levelled(up[:, 2] * half_length))
+        case Cylinder(radius, half_length):
+            own = np.empty_like(up)
+            across = np.hypot(up[:, 0], up[:, 1])
+            rim = np.where(_levelled(across * radius) > 0, radius / np.where(across > 0, across, 1.0), 0.0)
+            own[:, :2] = -up[:, :2] * rim[:, None]
+            own[:, 2] = -half_length * np.sign(_levelled(up[:, 2] * half_length))
         case Ellipsoid(axes):
             squares = np.square(axes)
             own = -up * squares / np.sqrt(np.square(up) @ squares)[:, None]

@@ -16,6 +16,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Joint,
@@ -102,6 +103,8 @@ class _Writer:
                 given |= {"type": "box", "size": numbers(half)}
             case Capsule(radius, half_length):
                 given |= {"type": "capsule", "size": numbers((radius, half_length))}
+            case Cylinder(radius, half_length):
+                given |= {"type": "cylinder", "size": numbers((radius, half_length))}
             case Ellipsoid(half):
                 given |= {"type": "ellipsoid", "size": numbers(half)}
             case Hull(vertices):

@@ -19,6 +19,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Piece,
@@ -104,6 +105,9 @@ def _add_shape(link: ET.Element, kind: str, body: Body, piece: Piece, files: dic
             middle = {"radius": numbers([radius]), "length": numbers([2 * half_length])}
             parts = [((0.0, 0.0, 0.0), "cylinder", middle)]
             parts += [((0.0, 0.0, s * half_length), "sphere", {"radius": numbers([radius])}) for s in (-1, 1)]
+        case Cylinder(radius, half_length):
+            given = {"radius": numbers([radius]), "length": numbers([2 * half_length])}
+            parts = [((0.0, 0.0, 0.0), "cylinder", given)]
         case Hull() | Ellipsoid():
             corners = piece.shape.vertices if isinstance(piece.shape, Hull) else _corners(piece.shape)
             name = f"{_safe(body.name)}.{_safe(piece.name)}.obj"

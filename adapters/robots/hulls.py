@@ -1,4 +1,4 @@
-"""Convex hulls of meshes and cylinders, with few corners, and how far they are from the shape."""
+"""Convex hulls of meshes, with few corners, and how far they are from the shape."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ MOST_CORNERS = 64
 """Corners of a hull: what engines and the reference test at little more than a box's cost."""
 CLOSE = 1e-3
 """Distance of left out corners, relative to the size, below which a hull needs no more [1]."""
-SIDES = 24
-"""Sides of the prism in place of a cylinder: its faces lie 0.9 % of the radius inside."""
 SPACING = 0.02
 """Spacing of samples on surfaces, relative to the size [1]: the error's own accuracy."""
 MOST_SAMPLES = 40
@@ -55,15 +53,6 @@ def mesh_hull(vertices: Array, faces: NDArray[np.int32]) -> Approximation:
     on_hull = _samples(chosen, hull.simplices, SPACING * size)
     filled = float(np.max(KDTree(surface).query(on_hull)[0]))
     return Approximation(Hull(tuple(map(vector, chosen[hull.vertices]))), cut, filled, size)
-
-
-def cylinder_hull(radius: float, half_length: float) -> Approximation:
-    """Prism whose edges lie on a cylinder along z [m]."""
-    turns = 2 * np.pi * np.arange(SIDES) / SIDES
-    rim = radius * np.column_stack((np.cos(turns), np.sin(turns)))
-    corners = [(*point, side * half_length) for side in (-1, 1) for point in rim.tolist()]
-    cut = radius * (1 - float(np.cos(np.pi / SIDES)))
-    return Approximation(Hull(tuple(map(vector, corners))), cut, 0.0, 2 * max(radius, half_length))
 
 
 def _fewer(points: Array, close: float) -> tuple[Array, float]:

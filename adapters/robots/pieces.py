@@ -9,9 +9,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
-from touchstone.adapters.robots.hulls import Approximation, cylinder_hull, mesh_hull
+from touchstone.adapters.robots.hulls import Approximation, mesh_hull
 from touchstone.adapters.robots.robot_error import RobotError
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Piece, Quaternion, Shape, Sphere, vector
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Piece,
+    Quaternion,
+    Shape,
+    Sphere,
+    vector,
+)
 
 TYPE = {
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{name.upper()}")): name
@@ -40,13 +50,11 @@ def surface_velocity(model: Any, geom: int) -> Array:
 
 
 class PieceMaker:
-    """Pieces from geoms; `notes` names each hull of a mesh with its error, `cylinders` has the errors of
-    prisms [m]."""
+    """Pieces from geoms; `notes` names each hull of a mesh with its error."""
 
     def __init__(self, model: Any, notes: list[str]) -> None:
         self.model, self._notes = model, notes
         self._hulls: dict[int, Approximation] = {}
-        self.cylinders: list[float] = []
 
     def piece(self, geom: int, place: Array, turn: Array) -> Piece:
         """Piece of a geom whose body is at `place` in the link's frame, its axes as the columns of `turn`."""
@@ -76,9 +84,7 @@ class PieceMaker:
             case "plane":
                 return Box(SLAB)
             case "cylinder":
-                found = cylinder_hull(x, y)
-                self.cylinders.append(found.cut)
-                return found.hull
+                return Cylinder(x, y)
             case "mesh":
                 return self.mesh(int(model.geom_dataid[geom]), name).hull
             case other:

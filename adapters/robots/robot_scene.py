@@ -24,7 +24,6 @@ from touchstone.adapters.robots.driven import (
     named_once,
     place_floor,
 )
-from touchstone.adapters.robots.hulls import SIDES
 from touchstone.adapters.robots.left_out import friction_of, left_out
 from touchstone.adapters.robots.links import (
     HINGE,
@@ -102,11 +101,6 @@ def _scene(source: Source, name: str, file: str, notes: list[str]) -> Scenario:
             _add_tree(source, body, maker, parts, notes)
     if not parts.trackers and not any(body.kind == "simulated" for body in parts.bodies):
         raise RobotError("nothing in it can move")
-    if maker.cylinders:
-        notes.append(
-            f"{len(maker.cylinders)} cylinders: prisms of {SIDES} sides, which cut off at most "
-            f"{max(maker.cylinders) * 1e3:.2g} mm"
-        )
     friction = friction_of(model, notes)
     pairs = (("robot", "robot"), ("robot", "floor"))
     place_floor(parts, notes)

@@ -14,6 +14,7 @@ from touchstone.reference_impl.contact.contact_events import SLIDE_MIN
 from touchstone.reference_impl.continuous.contact_kinematics import (
     LEAST_CROSSING,
     LEAST_RADIUS,
+    core_radius,
     is_moving,
     is_round,
 )
@@ -85,7 +86,7 @@ def _end_geometry(world, a, b, pair, out_found):
             _, converged = convex_depth(one, two, world.vertices, world.state, out_found)
             return converged
     n, flat_a, flat_b = vector_of(pair["start_normal"]), pair["flat_a"], pair["flat_b"]
-    r_a, r_b = one["radius"], two["radius"]
+    r_a, r_b = core_radius(one, n), core_radius(two, n)
     p = _in_body(a, plus(vector_of(pair["point_a"]), -r_a, n), 1.0)
     q = _in_body(b, plus(vector_of(pair["point_b"]), r_b, n), 1.0)
     n_a, n_b = _in_body(a, n, 0.0), _in_body(b, n, 0.0)

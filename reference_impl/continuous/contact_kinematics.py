@@ -1,8 +1,9 @@
 """Contact kinematics (Montana 1988): how a contact point and its normal n move with the two surfaces.
 
 The point of a surface whose outward normal is n is x(n), and H = dx/dn has the radii of curvature: 0 at a
-corner, r I on a sphere. On B the outward normal is -n. With u the velocity of B relative to A, both points
-stay at a distance s along n if
+corner, r I on a sphere, r / sin(a) around the rim and the side of a cylinder, where a is the angle between n
+and its axis. On B the outward normal is -n. With u the velocity of B relative to A, both points stay at a
+distance s along n if
 
     (H_A + H_B + s) n' = u + H_A (w_A x n) + H_B (w_B x n)          (tangential parts)
 
@@ -13,9 +14,18 @@ All vectors are in the world frame, as tuples; rates are in 1/s.
 
 from math import sqrt
 
-from touchstone.reference_impl.core.conventions import BOX, ELLIPSOID, HULL, SIMULATED, SPHERE
+from touchstone.reference_impl.core.conventions import (
+    BOX,
+    CYLINDER,
+    ELLIPSOID,
+    HULL,
+    MANIFOLD_HEIGHT,
+    SIMULATED,
+    SPHERE,
+)
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import column, cross, dot, plus, times, vector_of
+from touchstone.reference_impl.geometry.shapes import axis_of
 
 LEAST_CROSSING = 1e-3
 """Squared sine of the angle between two edges below which they count as parallel: where they cross moves too
@@ -105,8 +115,9 @@ def contact_rates(bodies, pieces, pair):
 @kernel
 def fastest_turn(bodies, pieces, pair, rate):
     """Speed at which a pair's normal turns at the rate n', or a body turns its round surface, if that is
-    faster [rad/s]. A ball turns only where its centre does, about the centre of mass."""
-    most = dot(rate, rate)
+    faster [rad/s]. A ball turns only where its centre does, about the centre of mass; a contact runs around a
+    cylinder's rim."""
+    most, n = dot(rate, rate), vector_of(pair["start_normal"])
     for side in range(2):
         body = bodies[pair["body_b"] if side else pair["body_a"]]
         piece = pieces[pair["piece_b"] if side else pair["piece_a"]]
@@ -115,6 +126,10 @@ def fastest_turn(bodies, pieces, pair, rate):
             arm = plus(vector_of(piece["world_position"]), -1.0, vector_of(body["center"]))
             size = dot(arm, arm)
             w = times(1 / sqrt(size) if size > 0 else 0.0, cross(w, arm))
+        elif piece["kind"] == CYLINDER and not _shows_cap(piece, n):
+            t = _around(piece, n)
+            runs = dot(t, plus(rate, -1.0, cross(w, n))) / dot(t, t)
+            most = max(most, runs * runs)
         most = max(most, dot(w, w))
     return sqrt(most)
 
@@ -123,6 +138,29 @@ def fastest_turn(bodies, pieces, pair, rate):
 def is_round(piece):
     """Whether a piece has a curved surface."""
     return piece["kind"] != BOX and piece["kind"] != HULL
+
+
+@kernel
+def core_radius(piece, n):
+    """Distance along the normal n between the surface of a piece that touches in several points and a line or
+    point that the normal leads to: the axis of a cylinder on its side; 0 of its cap [m]."""
+    if piece["kind"] == CYLINDER:
+        return 0.0 if _shows_cap(piece, n) else piece["size"][0]
+    return piece["radius"]
+
+
+@kernel
+def _around(piece, n):
+    """Tangent of a cylinder's rim at its point with the normal n, as long as the sine of the angle between n
+    and the axis."""
+    return cross(axis_of(piece), n)
+
+
+@kernel
+def _shows_cap(piece, n):
+    """Whether the normal n is that of a cylinder's cap: its rim lies in a plane across n."""
+    t = _around(piece, n)
+    return 2 * piece["size"][0] * sqrt(dot(t, t)) <= MANIFOLD_HEIGHT
 
 
 @kernel
@@ -135,6 +173,12 @@ def is_central(body, piece):
 @kernel
 def _bend(piece, n, v):
     """H v of a piece's surface: velocity of its point as the normal n turns at the tangential rate v."""
+    if piece["kind"] == CYLINDER:
+        if _shows_cap(piece, n):
+            return 0.0, 0.0, 0.0
+        t = _around(piece, n)
+        square = dot(t, t)
+        return times(piece["size"][0] * dot(t, v) / (square * sqrt(square)), t)
     if piece["kind"] != ELLIPSOID:
         return times(piece["radius"], v)
     # x(n) = S^2 n / |S n|, with S the half axes

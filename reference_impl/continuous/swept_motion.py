@@ -11,6 +11,7 @@ from touchstone.reference_impl.continuous.free_rotation import free_omega, rotat
 from touchstone.reference_impl.core.conventions import (
     BOX,
     CAPSULE,
+    CYLINDER,
     ELLIPSOID,
     HULL,
     KEEPS_NOTHING,
@@ -239,20 +240,23 @@ def lever_of(body, piece, vertices):
 @kernel
 def _farthest(body, piece, vertices, u, v, w):
     """Largest distance [m] of a piece's core from the unit axis (u, v, w) through its body's centre of mass,
-    body frame, or from the centre if the axis is zero. Bounds an ellipsoid by a sphere."""
+    body frame, or from the centre if the axis is zero. Bounds an ellipsoid by a sphere, a cylinder by balls
+    around its caps."""
     kind, size, rotation = piece["kind"], piece["size"], piece["rotation"]
     cx = piece["position"][0] - body["center_of_mass"][0]
     cy = piece["position"][1] - body["center_of_mass"][1]
     cz = piece["position"][2] - body["center_of_mass"][2]
-    if kind != HULL and kind != BOX and kind != CAPSULE:
+    if kind != HULL and kind != BOX and kind != CAPSULE and kind != CYLINDER:
         along = u * cx + v * cy + w * cz
         off = sqrt((cx - along * u) ** 2 + (cy - along * v) ** 2 + (cz - along * w) ** 2)
         return off + max(size[0], size[1], size[2]) if kind == ELLIPSOID else off
+    # the caps of a cylinder are those of a segment, enlarged
+    cap = size[0] if kind == CYLINDER else 0.0
     most = 0.0
     for k in range(piece["vertex_count"] if kind == HULL else 8):
         if kind != HULL:
-            px = size[0] if k & 1 else -size[0]
-            py = size[1] if k & 2 else -size[1]
+            px = (size[0] if k & 1 else -size[0]) if kind == BOX else 0.0
+            py = (size[1] if k & 2 else -size[1]) if kind == BOX else 0.0
             pz = size[2] if k & 4 else -size[2]
         else:
             corner = vertices[piece["first_vertex"] + k]["position"]
@@ -262,4 +266,4 @@ def _farthest(body, piece, vertices, u, v, w):
         z = cz + rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz
         along = u * x + v * y + w * z
         most = max(most, (x - along * u) ** 2 + (y - along * v) ** 2 + (z - along * w) ** 2)
-    return sqrt(most)
+    return sqrt(most) + cap

@@ -6,7 +6,7 @@ A to B. Signed distance is negative in overlap; depth = max(0, -distance). Impul
 
 FIXED, SIMULATED, DRIVEN = 0, 1, 2
 """Kinds of body."""
-SPHERE, BOX, ELLIPSOID, HULL, CAPSULE = 0, 1, 2, 3, 4
+SPHERE, BOX, ELLIPSOID, HULL, CAPSULE, CYLINDER = 0, 1, 2, 3, 4, 5
 """Kinds of convex piece."""
 DETECTION_DISCRETE, DETECTION_FAST, DETECTION_SWEEP = 0, 1, 2
 """Overlap tests at the end of a substep; time of impact too for pairs that move farther than both are thick;

@@ -8,6 +8,7 @@ from math import sqrt
 
 from touchstone.reference_impl.core.conventions import (
     CAPSULE,
+    CYLINDER,
     MANIFOLD_HEIGHT,
     PARALLEL_SINE,
     SPHERE,
@@ -15,6 +16,18 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import cross, dot
+
+
+@kernel
+def has_side(piece):
+    """Whether a piece has a side about a segment, as capsules and cylinders do."""
+    return piece["kind"] == CAPSULE or piece["kind"] == CYLINDER
+
+
+@kernel
+def side_radius(piece):
+    """Distance of a piece's surface from its core or, of a cylinder's side, from its axis [m]."""
+    return piece["size"][0] if piece["kind"] == CYLINDER else piece["radius"]
 
 
 @kernel
@@ -39,10 +52,10 @@ def segment_distance(piece_a, piece_b, out_pair):
 
 @kernel
 def are_alongside(piece_a, piece_b, within):
-    """Whether the sides of two capsules face each other over some length.
+    """Whether the sides of two capsules or cylinders face each other over some length.
 
     Their distance is at most `within` [m] at both of its ends."""
-    if piece_a["kind"] != CAPSULE or piece_b["kind"] != CAPSULE:
+    if not (has_side(piece_a) and has_side(piece_b)):
         return False
     u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
     (s, t), (p, q) = _facing_end(u, v, c, 1.0), _facing_end(u, v, c, -1.0)
@@ -51,14 +64,14 @@ def are_alongside(piece_a, piece_b, within):
     for x, y in ((s, t), (p, q)):
         w = _core_vector(u, v, c, x, y)
         gap = sqrt(dot(w, w))
-        if gap == 0 or gap - piece_a["radius"] - piece_b["radius"] > within:
+        if gap == 0 or gap - side_radius(piece_a) - side_radius(piece_b) > within:
             return False
     return True
 
 
 @kernel
 def contact_at_end(piece_a, piece_b, end, out_pair):
-    """Contact of two capsules at one end (1 or -1) of the length over which their sides face each other."""
+    """Contact of two sides at one end (1 or -1) of the length over which they face each other."""
     u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
     s, t = _facing_end(u, v, c, end)
     _write_contact(piece_a, piece_b, u, v, s, t, _core_vector(u, v, c, s, t), out_pair)
@@ -93,7 +106,7 @@ def _write_contact(piece_a, piece_b, u, v, s, t, w, out_pair):
     """Write the distance, normal and witnesses of core points with the vector w, or parallel to it, between
     them; the distance is that of w."""
     a, b, length = piece_a["world_position"], piece_b["world_position"], sqrt(dot(w, w))
-    n, r_a, r_b = out_pair["normal"], piece_a["radius"], piece_b["radius"]
+    n, r_a, r_b = out_pair["normal"], side_radius(piece_a), side_radius(piece_b)
     n[0], n[1], n[2] = w[0] / length, w[1] / length, w[2] / length
     for i in range(3):
         out_pair["point_a"][i] = a[i] + s * u[i] + r_a * n[i]

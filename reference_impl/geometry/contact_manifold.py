@@ -1,6 +1,8 @@
 """Contact manifold of two polyhedra: up to four points where a face touches a face, an edge or a corner.
 
-A capsule's side counts as an edge, its end as a corner. Two capsules side by side touch in two points.
+The side of a capsule or a cylinder counts as an edge, a capsule's end and a point of a cylinder's rim as a
+corner, and a cylinder's cap as a face: a disc, which is clipped exactly. Two sides along each other touch in
+two points.
 
 The manifold of polyhedra is computed in the contact frame `state["mobility"]` (rows are its axes in the
 world): origin at A's witness, z along the normal of `convex_depth`, so A lies below and B above. The plane of
@@ -12,13 +14,20 @@ from math import sqrt
 from touchstone.reference_impl.core.conventions import (
     BOX,
     CAPSULE,
+    CYLINDER,
     FACE_CORNERS,
     HULL,
     MANIFOLD_HEIGHT,
     TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.geometry.capsule_distance import are_alongside, contact_at_end
+from touchstone.reference_impl.core.rotation import cross, dot, plus, times, vector_of
+from touchstone.reference_impl.geometry.capsule_distance import (
+    are_alongside,
+    contact_at_end,
+    has_side,
+)
+from touchstone.reference_impl.geometry.shapes import axis_of
 
 DENSE_HEIGHT = 2e-5
 """The same height in a dense substep and where separation moves bodies together, and the largest gap of
@@ -27,13 +36,16 @@ NEVER = 1e300
 """Larger than any height [m]."""
 LEAST_SLOPE = 1e-7
 """Cosine of the angle between a normal and a capsule's axis below which they are perpendicular [1]."""
+RIM_SLACK = 1e-9
+"""Distance outside a rim up to which a point lies on it, and height of a rim over its lowest point beyond
+which the cap is tilted [m]: rounding of poses, and less than any gap that matters."""
 EQUAL_AREA = 1e-9
 """Relative difference of two areas, and component of a normal, that count as zero [1]."""
 
 
 @kernel
 def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
-    """Write one row per manifold point of each touching pair of polyhedra, or of capsules side by side; other
+    """Write one row per manifold point of each touching pair of polyhedra or of sides along each other; other
     pairs keep their witnesses.
 
     Args:
@@ -55,17 +67,16 @@ def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
             _frame(pair["normal"], state["mobility"])
             pair["flat_a"] = _flatness(a, vertices, 1.0, pair, state, pair["edge_a"])
             pair["flat_b"] = _flatness(b, vertices, -1.0, pair, state, pair["edge_b"])
-            if rows < len(pairs) and are_alongside(a, b, max(0.0, pair["distance"]) + TOUCH_DISTANCE):
-                pair["manifold"] = k
-                pairs[rows] = pair
-                contact_at_end(a, b, 1.0, pair)
-                contact_at_end(a, b, -1.0, pairs[rows])
-                pair["next_point"] = rows
-                rows += 1
+            rows += _write_sides(a, b, pairs, k, rows)
             continue
         pair["manifold"] = k
         count, face_on_a = _clipped_feature(a, b, vertices, pair, wide, state)
         count = _keep_four(state["lower"], count)
+        if count < 2 and (a["kind"] == CYLINDER or b["kind"] == CYLINDER):
+            # a contact in one point moves along the curved surface
+            pair["manifold"] = -1
+            if count == 0:
+                rows += _write_sides(a, b, pairs, k, rows)
         # in reverse: the appended rows start as copies of the pair's row, which the deepest point overwrites
         for c in range(count - 1, -1, -1):
             row = k
@@ -80,11 +91,31 @@ def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
 
 
 @kernel
+def _write_sides(piece_a, piece_b, pairs, k, rows):
+    """Write the two points in which sides along each other touch to pair `k` and to row `rows`; returns the
+    number of rows added, 0 if the pair keeps its witnesses."""
+    pair = pairs[k]
+    if rows == len(pairs) or not are_alongside(piece_a, piece_b, max(0.0, pair["distance"]) + TOUCH_DISTANCE):
+        return 0
+    pair["manifold"] = k
+    pairs[rows] = pair
+    contact_at_end(piece_a, piece_b, 1.0, pair)
+    contact_at_end(piece_a, piece_b, -1.0, pairs[rows])
+    pair["next_point"] = rows
+    return 1
+
+
+@kernel
 def is_polyhedral(piece_a, piece_b):
-    """Whether two pieces can touch in more than one point: a face with a face, or with a capsule's side."""
-    a, b = piece_a["kind"], piece_b["kind"]
-    faces_a, faces_b = a == BOX or a == HULL, b == BOX or b == HULL
-    return (faces_a and (faces_b or b == CAPSULE)) or (faces_b and a == CAPSULE)
+    """Whether a face of one of two pieces can touch the other in more than one point: a face, or a side."""
+    faces_a, faces_b = has_faces(piece_a), has_faces(piece_b)
+    return (faces_a and (faces_b or has_side(piece_b))) or (faces_b and has_side(piece_a))
+
+
+@kernel
+def has_faces(piece):
+    """Whether a piece has flat faces."""
+    return piece["kind"] == BOX or piece["kind"] == HULL or piece["kind"] == CYLINDER
 
 
 @kernel
@@ -98,8 +129,8 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, wide, state):
     lower, upper, plane = state["lower"], state["upper"], state["tangent"]
     height, reach = (DENSE_HEIGHT, DENSE_HEIGHT) if wide else (MANIFOLD_HEIGHT, TOUCH_DISTANCE)
     _frame(pair["normal"], state["mobility"])
-    count_a = _feature(piece_a, vertices, 1.0, pair["point_a"], state["mobility"], height, lower)
-    count_b = _feature(piece_b, vertices, -1.0, pair["point_a"], state["mobility"], height, upper)
+    count_a = _feature_of(piece_a, vertices, 1.0, pair["point_a"], state, height, lower)
+    count_b = _feature_of(piece_b, vertices, -1.0, pair["point_a"], state, height, upper)
     count_a, count_b = _order(lower, count_a), _order(upper, count_b)
     area_a, area_b = _plane(lower, count_a, plane), _plane(upper, count_b, plane)
     pair["flat_a"] = pair["flat_b"] = 0
@@ -113,7 +144,16 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, wide, state):
         return 0, False
     face_on_a = _is_reference(area_a, area_b, pair["normal"])
     pair["flat_a"], pair["flat_b"] = (2, 0) if face_on_a else (0, 2)
-    if face_on_a:
+    cap_a = _cap_of(piece_a, 1.0, pair["point_a"], state["mobility"], height)
+    cap_b = _cap_of(piece_b, -1.0, pair["point_a"], state["mobility"], height)
+    if cap_a[0] > 0 or cap_b[0] > 0:
+        if face_on_a:
+            count = _clip_round(upper, count_b, cap_b, lower, count_a, cap_a, state)
+            _plane(lower, count_a, plane)
+        else:
+            count = _clip_round(lower, count_a, cap_a, upper, count_b, cap_b, state)
+            _plane(upper, count_b, plane)
+    elif face_on_a:
         _plane(lower, count_a, plane)
         count = _clip(upper, count_b, lower, count_a, state["normal"])
     else:
@@ -133,9 +173,11 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, wide, state):
 @kernel
 def _flatness(piece, vertices, sign, pair, state, out_edge):
     """Dimensions in which the touching feature of a piece extends, along sign * n: 2 of a face, 1 of an edge
-    or a capsule's side, whose direction it writes, 0 of a corner or a curved surface."""
+    or a side, whose direction it writes, 0 of a corner or a curved surface."""
     m, n = piece["world_rotation"], pair["normal"]
-    if piece["kind"] == CAPSULE:
+    if has_side(piece):
+        if _cap_of(piece, sign, pair["point_a"], state["mobility"], 0.0)[0] > 0:
+            return 2
         if abs(m[0, 2] * n[0] + m[1, 2] * n[1] + m[2, 2] * n[2]) > LEAST_SLOPE:
             return 0
         for i in range(3):
@@ -186,6 +228,80 @@ def _frame(n, out_frame):
         z[i] = n[i]
         x[i] = ((1.0 if i == least else 0.0) - n[least] * n[i]) / size
     y[0], y[1], y[2] = z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]
+
+
+@kernel
+def _feature_of(piece, vertices, sign, origin, state, depth, out_points):
+    """`_round_feature` of a cylinder, `_feature` of other pieces; returns the number of points."""
+    if piece["kind"] == CYLINDER:
+        return _round_feature(piece, sign, origin, state, depth, out_points)
+    return _feature(piece, vertices, sign, origin, state["mobility"], depth, out_points)
+
+
+@kernel
+def _cap_of(piece, sign, origin, frame, depth):
+    """Cap of a cylinder whose rim lies within `depth` of its support plane along sign * z.
+
+    Returns:
+        (radius, x, y, z): that of the cap and its centre in the contact frame [m]; radius 0 if there is none.
+    """
+    if piece["kind"] != CYLINDER:
+        return 0.0, 0.0, 0.0, 0.0
+    x, y, z = _in_frame(frame, axis_of(piece))
+    radius, end = piece["size"][0], piece["size"][2] if sign * z >= 0 else -piece["size"][2]
+    if 2 * radius * sqrt(x * x + y * y) > max(depth, RIM_SLACK):
+        return 0.0, 0.0, 0.0, 0.0
+    p, q, r = _in_frame(frame, plus(vector_of(piece["world_position"]), -1.0, vector_of(origin)))
+    return radius, p + end * x, q + end * y, r + end * z
+
+
+@kernel
+def _round_feature(piece, sign, origin, state, depth, out_points):
+    """Write the touching feature of a cylinder along sign * z: four points of its cap's rim, the two ends of
+    its side's lowest line, or the lowest point of a rim; returns their number.
+
+    One of the four points is the lowest or, on a level cap, the one towards which gravity pulls.
+    """
+    frame, m, size = state["mobility"], piece["world_rotation"], piece["size"]
+    x, y, z = _in_frame(frame, axis_of(piece))
+    p, q, r = _in_frame(frame, plus(vector_of(piece["world_position"]), -1.0, vector_of(origin)))
+    radius, cx, cy, cz = _cap_of(piece, sign, origin, frame, depth)
+    if radius > 0:
+        u, v = x, y
+        if 2 * radius * sqrt(x * x + y * y) <= RIM_SLACK:
+            u, v, w = _in_frame(frame, vector_of(state["gravity"]))
+            if u * u + v * v <= LEAST_SLOPE * LEAST_SLOPE * (u * u + v * v + w * w):
+                u, v, _ = _in_frame(frame, (m[0, 0], m[1, 0], m[2, 0]))
+        # two directions in the plane of the cap
+        along = u * x + v * y
+        e = plus((u, v, 0.0), -along, (x, y, z))
+        e = times(radius / sqrt(dot(e, e)), e)
+        f = cross((x, y, z), e)
+        for k in range(4):
+            s, t = (1.0 - k, 0.0) if k % 2 == 0 else (0.0, 2.0 - k)
+            out_points[k, 0] = cx + s * e[0] + t * f[0]
+            out_points[k, 1] = cy + s * e[1] + t * f[1]
+            out_points[k, 2] = cz + s * e[2] + t * f[2]
+        return 4
+    # the lowest line of the side, or its lower end
+    scale = sign * size[0] / sqrt(x * x + y * y)
+    p, q, r = p - scale * z * x, q - scale * z * y, r + scale * (1 - z * z)
+    count = 2 if 2 * size[2] * abs(z) <= depth else 1
+    end = size[2] if sign * z >= 0 else -size[2]
+    for k in range(count):
+        out_points[k, 0], out_points[k, 1], out_points[k, 2] = p + end * x, q + end * y, r + end * z
+        end = -end
+    return count
+
+
+@kernel
+def _in_frame(frame, v):
+    """A world vector in the contact frame."""
+    return (
+        frame[0, 0] * v[0] + frame[0, 1] * v[1] + frame[0, 2] * v[2],
+        frame[1, 0] * v[0] + frame[1, 1] * v[1] + frame[1, 2] * v[2],
+        frame[2, 0] * v[0] + frame[2, 1] * v[1] + frame[2, 2] * v[2],
+    )
 
 
 @kernel
@@ -303,6 +419,84 @@ def _clip(points, count, face, face_count, scratch):
         for k in range(count):
             points[k, 0], points[k, 1], points[k, 2] = scratch[k, 0], scratch[k, 1], scratch[k, 2]
     return count
+
+
+@kernel
+def _clip_round(points, count, cap, face, face_count, face_cap, state):
+    """Clip a feature by a face in the x-y plane where one or both are caps, in place: corners of either in
+    the other, crossings of their outlines and, of two caps, points of the rims on the line of centres.
+
+    Args:
+        cap, face_cap: (radius, x, y, z) of `_cap_of`; the points of a cap lie on its rim.
+    Returns:
+        The number of points, at heights of the clipped feature.
+    """
+    out, plane, kept = state["normal"], state["tangent"], 0
+    flat = _plane(points, count, plane) > 0
+    for k in range(count):
+        if _is_within(face, face_count, face_cap, points[k, 0], points[k, 1]):
+            kept = _add(out, kept, points[k, 0], points[k, 1], points[k, 2])
+    if flat:
+        for k in range(face_count):
+            x, y = face[k, 0], face[k, 1]
+            if _is_within(points, count, cap, x, y):
+                kept = _add(out, kept, x, y, plane[0] * x + plane[1] * y + plane[2])
+    r, s = cap[0], face_cap[0]
+    if r > 0 and s > 0:
+        dx, dy = face_cap[1] - cap[1], face_cap[2] - cap[2]
+        apart = sqrt(dx * dx + dy * dy)
+        if apart > MANIFOLD_HEIGHT:
+            dx, dy = dx / apart, dy / apart
+            along = (apart * apart + r * r - s * s) / (2 * apart)
+            across = sqrt(max(0.0, r * r - along * along))
+            for k in range(4):
+                u, v = along, across if k == 0 else -across
+                if k == 2:
+                    u, v = r, 0.0
+                elif k == 3:
+                    u, v = apart - s, 0.0
+                x, y = cap[1] + u * dx - v * dy, cap[2] + u * dy + v * dx
+                if _is_within(points, count, cap, x, y) and _is_within(face, face_count, face_cap, x, y):
+                    kept = _add(out, kept, x, y, plane[0] * x + plane[1] * y + plane[2])
+    else:
+        polygon, corners, circle = (points, count, face_cap) if s > 0 else (face, face_count, cap)
+        for k in range(corners if corners > 2 else corners - 1):
+            p, q = polygon[k], polygon[(k + 1) % corners]
+            x, y, dx, dy = p[0] - circle[1], p[1] - circle[2], q[0] - p[0], q[1] - p[1]
+            square, half = dx * dx + dy * dy, x * dx + y * dy
+            root = half * half - square * (x * x + y * y - circle[0] * circle[0])
+            if root <= 0:
+                continue
+            for side in range(2):
+                f = (-half + (sqrt(root) if side else -sqrt(root))) / square
+                if 0 < f < 1:
+                    x, y, z = p[0] + f * dx, p[1] + f * dy, p[2] + f * (q[2] - p[2])
+                    if s == 0:
+                        z = plane[0] * x + plane[1] * y + plane[2]
+                    kept = _add(out, kept, x, y, z)
+    for k in range(kept):
+        points[k, 0], points[k, 1], points[k, 2] = out[k, 0], out[k, 1], out[k, 2]
+    return kept
+
+
+@kernel
+def _add(out_points, kept, x, y, z):
+    """Append a point; returns the number of points."""
+    out_points[kept, 0], out_points[kept, 1], out_points[kept, 2] = x, y, z
+    return kept + 1
+
+
+@kernel
+def _is_within(points, count, cap, x, y):
+    """Whether a point of the x-y plane lies in a cap or, if its radius is 0, in a convex polygon."""
+    if cap[0] > 0:
+        return (x - cap[1]) ** 2 + (y - cap[2]) ** 2 <= (cap[0] + RIM_SLACK) ** 2
+    for i in range(count):
+        j = (i + 1) % count
+        ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+        if ex * (y - points[i, 1]) - ey * (x - points[i, 0]) < 0:
+            return False
+    return count > 2
 
 
 @kernel

@@ -8,7 +8,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from touchstone.reference_impl.core.conventions import BOX, CAPSULE, ELLIPSOID, HULL
+from touchstone.reference_impl.core.conventions import BOX, CAPSULE, CYLINDER, ELLIPSOID, HULL
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import multiply, rotate
 
@@ -35,7 +35,12 @@ def place_piece(piece, body, vertices, margin):
             low[i], high[i] = position[i] + least - margin, position[i] + greatest + margin
         else:
             x, y, z = x * size[0], y * size[1], z * size[2]
-            reach = abs(x) + abs(y) + abs(z) if piece["kind"] == BOX else sqrt(x * x + y * y + z * z)
+            if piece["kind"] == BOX:
+                reach = abs(x) + abs(y) + abs(z)
+            elif piece["kind"] == CYLINDER:
+                reach = sqrt(x * x + y * y) + abs(z)
+            else:
+                reach = sqrt(x * x + y * y + z * z)
             reach += piece["radius"] + margin
             low[i], high[i] = position[i] - reach, position[i] + reach
 
@@ -114,6 +119,10 @@ def local_support(piece, vertices, u, v, w):
         length = sqrt(x * x + y * y + z * z)
         scale = 1 / length if length > 0 else 0.0
         return -1, x * size[0] * scale, y * size[1] * scale, z * size[2] * scale
+    if kind == CYLINDER:
+        length = sqrt(u * u + v * v)
+        scale = size[0] / length if length > 0 else 0.0
+        return -1, u * scale, v * scale, size[2] if w >= 0 else -size[2]
     return 0, 0.0, 0.0, 0.0
 
 
@@ -129,6 +138,13 @@ def local_corner(piece, vertices, corner):
         v = size[1] if corner & 2 else -size[1]
         return u, v, size[2] if corner & 4 else -size[2]
     return 0.0, 0.0, 0.0
+
+
+@kernel
+def axis_of(piece):
+    """Unit vector along a piece's z axis, world."""
+    m = piece["world_rotation"]
+    return m[0, 2], m[1, 2], m[2, 2]
 
 
 @kernel

@@ -22,7 +22,7 @@ from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Scenario, Sphere
+from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Piece, Scenario, Sphere
 
 FINEST_STEP = 1e-4
 """Least step of positions [m]: a tenth of a millimetre covers 6.5 m; scenes of larger extent take more."""
@@ -105,6 +105,8 @@ def _piece(piece: Piece) -> dict[str, Any]:
             return shown | {"box": list(half)}
         case Capsule(radius, half_length):
             return shown | {"capsule": [radius, half_length]}
+        case Cylinder(radius, half_length):
+            return shown | {"cylinder": [radius, half_length]}
         case Hull(vertices):
             return shown | {"hull": _triangles(np.array(vertices))}
     raise TypeError(f"no picture of {type(piece.shape).__name__}")

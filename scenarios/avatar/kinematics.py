@@ -17,6 +17,7 @@ from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.scenario import (
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Joint,
@@ -126,6 +127,9 @@ def piece_box(piece: Piece, place: Array, turn: Array) -> tuple[Array, Array]:
             half = np.abs(axes) @ np.array(half_extents)
         case Capsule(radius, half_length):
             half = np.abs(axes[:, 2]) * half_length + radius
+        case Cylinder(radius, half_length):
+            axis = np.abs(axes[:, 2])
+            half = axis * half_length + radius * np.hypot(axes[:, 0], axes[:, 1])
         case Ellipsoid(half_axes):
             half = np.linalg.norm(axes * np.array(half_axes), axis=1)
         case Hull(vertices):

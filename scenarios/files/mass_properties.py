@@ -11,6 +11,7 @@ from touchstone.scenarios.scenario import (
     ORIGIN,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Matrix,
@@ -23,6 +24,7 @@ from touchstone.scenarios.scenario import (
 from touchstone.scenarios.solids import (
     box_inertia,
     capsule_inertia,
+    cylinder_inertia,
     ellipsoid_inertia,
     hull_mass_properties,
     sphere_inertia,
@@ -67,6 +69,8 @@ def volume(shape: Shape) -> float:
             return 8 * half[0] * half[1] * half[2]
         case Capsule(r, half_length):
             return pi * r * r * (2 * half_length + 4 / 3 * r)
+        case Cylinder(r, half_length):
+            return pi * r * r * 2 * half_length
         case Ellipsoid(half):
             return 4 / 3 * pi * half[0] * half[1] * half[2]
         case Hull(vertices):
@@ -82,6 +86,8 @@ def _solid(shape: Shape, mass: float) -> tuple[Vector, Matrix]:
             return ORIGIN, box_inertia(mass, half)
         case Capsule(r, half_length):
             return ORIGIN, capsule_inertia(mass, r, half_length)
+        case Cylinder(r, half_length):
+            return ORIGIN, cylinder_inertia(mass, r, half_length)
         case Ellipsoid(half):
             return ORIGIN, ellipsoid_inertia(mass, half)
         case Hull(vertices):

@@ -17,6 +17,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Quaternion,
@@ -25,12 +26,22 @@ from touchstone.scenarios.scenario import (
     Vector,
     vector,
 )
-from touchstone.scenarios.solids import Motion, ball, block, capsule, ellipsoid, hull, hull_mass_properties
+from touchstone.scenarios.solids import (
+    Motion,
+    ball,
+    block,
+    capsule,
+    cylinder,
+    ellipsoid,
+    hull,
+    hull_mass_properties,
+)
 
 Array = NDArray[np.float64]
 
 MATERIAL = "wood"
 SHAPES = ("sphere", "box", "capsule", "ellipsoid", "hull", "coin")
+"""Shapes of most kinds of scenes; `cylinder` is one of those that name it."""
 FLAT = ("box", "hull", "coin")
 """Shapes that rest on a face."""
 ASPECT = (0.3, 1.0)
@@ -46,7 +57,7 @@ HEAVIEST = 10.0
 
 
 def random_shape(rng: Generator, reach: float, kinds: Sequence[str] = SHAPES) -> Shape:
-    """Random shape of one of `kinds` (names of SHAPES) within `reach` [m] of its centre of mass."""
+    """Random shape of one of `kinds` (SHAPES, or cylinder) within `reach` [m] of its centre of mass."""
     a, b = rng.uniform(*ASPECT, 2)
     match str(rng.choice(kinds)):
         case "sphere":
@@ -56,6 +67,10 @@ def random_shape(rng: Generator, reach: float, kinds: Sequence[str] = SHAPES) ->
             return Box(vector(reach / np.linalg.norm(half) * half))
         case "capsule":
             return Capsule(reach * a / 2, reach * (1 - a / 2))
+        case "cylinder":
+            sides = np.array((a, 1.0) if b < np.mean(ASPECT) else (1.0, a))
+            radius, half_length = (reach / np.linalg.norm(sides) * sides).tolist()
+            return Cylinder(radius, half_length)
         case "ellipsoid":
             return Ellipsoid(vector(reach * rng.permutation([1.0, a, b])))
         case "coin":
@@ -103,6 +118,8 @@ def solid(
             return block(name, MATERIAL, half_extents, *state, **motion)
         case Capsule(radius, half_length):
             return capsule(name, MATERIAL, radius, half_length, *state, **motion)
+        case Cylinder(radius, half_length):
+            return cylinder(name, MATERIAL, radius, half_length, *state, **motion)
         case Ellipsoid(half_axes):
             return ellipsoid(name, MATERIAL, half_axes, *state, **motion)
         case Hull(vertices):
@@ -119,6 +136,8 @@ def support(shape: Shape, orientation: Quaternion, direction: Vector) -> float:
             return float(np.abs(local) @ half_extents)
         case Capsule(radius, half_length):
             return float(radius + half_length * abs(local[2]))
+        case Cylinder(radius, half_length):
+            return float(radius * np.hypot(local[0], local[1]) + half_length * abs(local[2]))
         case Ellipsoid(half_axes):
             return float(np.linalg.norm(local * half_axes))
         case Hull(vertices):

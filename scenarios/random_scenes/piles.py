@@ -121,6 +121,33 @@ def spinning(rng: Generator) -> Setup:
     return Setup(f"{count} bodies spin and roll", [slab("floor", MATERIAL), *bodies])
 
 
+def cylinders(rng: Generator) -> Setup:
+    """Cylinders, half the time among all shapes, that fall on each other, or stand, lie, lean, spin and roll
+    on a floor."""
+    count, reach = int(rng.integers(2, 13)), random_size(rng)
+    falls = bool(rng.random() < 0.4)
+    places = scattered(rng, count, reach, int(rng.integers(1, 4)) if falls else 4, random_gap(rng))
+    kinds = ("cylinder",) if rng.random() < 0.5 else (*len(SHAPES) * ("cylinder",), *SHAPES)
+    loads = masses(rng, count, mass_ratio(rng))
+    bodies: list[Body] = []
+    for k, place in enumerate(places):
+        shape, turn = random_shape(rng, reach, kinds), IDENTITY
+        velocity, spin = np.zeros(3), np.zeros(3)
+        if falls:
+            turn = random_orientation(rng)
+        else:
+            # on the cap, on the side, or on a rim
+            turn = turned(Y, float(rng.choice([0.0, pi / 2, rng.uniform(0.0, pi / 2)])))
+            place[2] = support(shape, turn, DOWN) + random_gap(rng, 0.02)
+            if rng.random() < 0.7:
+                velocity = rng.uniform(-1.0, 1.0, 3) * (1.0, 1.0, 0.0)
+                spin = float(rng.uniform(0, SPIN)) * random_direction(rng)
+        name = f"body_{k + 1}"
+        bodies.append(solid(name, shape, loads[k], vector(place), turn, vector(velocity), vector(spin)))
+    does = "fall" if falls else "stand, lie, lean and roll"
+    return Setup(f"{count} bodies with cylinders {does}", [slab("floor", MATERIAL), *bodies])
+
+
 def sliding(rng: Generator) -> Setup:
     """Bodies that rest or slide on a slope, sometimes with a wall at its foot."""
     count, size = int(rng.integers(2, 9)), random_size(rng)

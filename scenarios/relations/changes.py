@@ -18,6 +18,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Matrix,
@@ -162,6 +163,8 @@ def _rescaled_shape(shape: Shape, size: float) -> Shape:
             return Box(_scaled(half, size))
         case Capsule(radius, half_length):
             return Capsule(radius * size, half_length * size)
+        case Cylinder(radius, half_length):
+            return Cylinder(radius * size, half_length * size)
         case Ellipsoid(half):
             return Ellipsoid(_scaled(half, size))
         case Hull(vertices):

@@ -1,8 +1,9 @@
 """A body that rolls, slides and leaves, with one contact between smooth surfaces, integrated to rounding.
 
 Conventions: n is the unit normal of the support at the contact, r the contact point from the centre of mass,
-F the contact force on the body; all in the world. The first piece of the body, an ellipsoid or a ball,
-touches the upper face (local +z) of a box of the fixed body; a ball may touch balls of it instead.
+F the contact force on the body; all in the world. The first piece of the body, an ellipsoid, a ball or the
+lower rim of a cylinder, touches the upper face (local +z) of a box of the fixed body; a ball may touch balls
+of it instead.
 
 With the velocity of the contact point u = v + w x r, Newton's and Euler's laws give u' = K F + b. Rolling
 asks u' = 0. Sliding asks (n . u)' = 0 and Coulomb's force F = N (n - mu u / |u|). The modes change where
@@ -25,7 +26,17 @@ import numpy as np
 from scipy.integrate import OdeSolution, solve_ivp
 
 from touchstone.scenarios.avatar.number_checks import Report
-from touchstone.scenarios.scenario import Body, Box, Ellipsoid, Piece, Quaternion, Scenario, Shape, Sphere
+from touchstone.scenarios.scenario import (
+    Body,
+    Box,
+    Cylinder,
+    Ellipsoid,
+    Piece,
+    Quaternion,
+    Scenario,
+    Shape,
+    Sphere,
+)
 from touchstone.scenarios.truths.body_motion import Array, Motion
 
 Mode = Literal["roll", "slide", "fly"]
@@ -61,7 +72,7 @@ class SmoothContact:
 
     mass: float
     inertia: Array  # (3, 3) body frame
-    arm: Array  # (3,) centre of the touching piece from the centre of mass, body frame
+    arm: Array  # (3,) centre of the touching piece or cap from the centre of mass, body frame
     squares: Array  # (3, 3) squares of the piece's half axes as a matrix, body frame
     gravity: Array
     friction: float
@@ -78,10 +89,15 @@ class SmoothContact:
         turn, place = _matrix(piece.orientation), _matrix(fixed.orientation)
         normal = (place @ _matrix(under.orientation))[:, 2]
         height = shape.half_extents[2] if isinstance(shape, Box) else 0.0
+        arm = np.subtract(piece.position, body.center_of_mass)
+        if isinstance(piece.shape, Cylinder):
+            axis = turn[:, 2]
+            side = np.sign(normal @ _matrix(body.orientation) @ axis)
+            arm = arm - side * piece.shape.half_length * axis
         return cls(
             mass=body.mass,
             inertia=np.array(body.inertia),
-            arm=np.subtract(piece.position, body.center_of_mass),
+            arm=arm,
             squares=turn @ np.diag(half**2) @ turn.T,
             gravity=np.array(scenario.acting_gravity),
             friction=scenario.pair_coefficients(*pair)[1],
@@ -269,10 +285,11 @@ def check_smooth_contact(scenario: Scenario, body: Body, path: str, report: Repo
     """Report what the law does not cover: other supports, other shapes, a first piece that does not touch."""
     fixed = [one for one in scenario.bodies if one.kind == "fixed"]
     under = {type(piece.shape) for one in fixed for piece in one.pieces}
-    shapes = (Sphere,) if Sphere in under else (Sphere, Ellipsoid)
+    shapes = (Sphere,) if Sphere in under else (Sphere, Ellipsoid, Cylinder)
     round_one = body.pieces and isinstance(body.pieces[0].shape, shapes)
     if len(fixed) != 1 or not round_one or not under <= {Box, Sphere}:
-        report(path, "expected a ball, or on fixed boxes an ellipsoid, as its first piece; one fixed body")
+        expected = "a ball, or on fixed boxes an ellipsoid or a cylinder, as its first piece; one fixed body"
+        report(path, f"expected {expected}")
         return
     gap = min(abs(one.gap(initial_state(body))) for one in supports(scenario, body))
     if gap > TOUCHING:
@@ -280,6 +297,8 @@ def check_smooth_contact(scenario: Scenario, body: Body, path: str, report: Repo
 
 
 def _half_axes(shape: Shape) -> Array:
+    if isinstance(shape, Cylinder):
+        return np.array([shape.radius, shape.radius, 0.0])
     assert isinstance(shape, Sphere | Ellipsoid)
     return np.array([shape.radius] * 3 if isinstance(shape, Sphere) else shape.half_axes)
 

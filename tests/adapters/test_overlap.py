@@ -20,7 +20,8 @@ from touchstone.adapters.oracles.overlap import (
     signed_distance,
 )
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
+from touchstone.scenarios.random_scenes.bodies import random_shape
+from touchstone.scenarios.scenario import Body, Box, Capsule, Cylinder, Ellipsoid, Hull, Piece, Sphere
 from touchstone.scenarios.solids import elliptic_hull, sphere_inertia
 
 ASKED = 1e-6
@@ -132,6 +133,22 @@ def test_capsules(gap):
         assert normal == pytest.approx(n, abs=1e-5)
 
 
+def test_cylinders_that_nearly_touch(lab):
+    """Agree with the reference on cylinders next to shapes of all kinds, where coal alone may be wrong."""
+    rng = np.random.default_rng(4)
+    for k in range(400):
+        shapes = [Cylinder(*(0.05 * np.exp(0.5 * rng.normal(size=2))).tolist()) for _ in range(2)]
+        shapes[1] = random_shape(rng, 0.06) if k % 2 else shapes[1]
+        turns, way = [random_rotation(rng) for _ in shapes], 0.2 * direction(rng)
+        one, two = lab.piece(shapes[0], (0, 0, 0), turns[0]), lab.piece(shapes[1], way, turns[1])
+        found = lab.measure(one, two)
+        gap = float(rng.choice([-1e-2, -1e-4, -1e-6, 1e-9, 1e-6, 1e-2]))
+        place = way - (found.distance - gap) * found.normal
+        found = lab.measure(one, lab.piece(shapes[1], place, turns[1]))
+        distance, _, _ = apart(shapes[0], (np.zeros(3), turns[0]), shapes[1], (place, turns[1]))
+        assert distance == pytest.approx(found.distance, abs=ASKED)
+
+
 def test_hulls_against_the_explicit_minkowski_difference():
     """Distance and depth of random elliptic hulls, near and deep, agree with the slow and obvious answer."""
     rng = np.random.default_rng(5)
@@ -163,6 +180,7 @@ def crowd(lab, rng, count=24):
         lambda: Hull(elliptic_hull(tuple(rng.uniform(0.02, 0.07, 3)))),
         lambda: Ellipsoid(tuple(rng.uniform(0.02, 0.06, 3))),
         lambda: Capsule(*rng.uniform(0.02, 0.05, 2)),
+        lambda: Cylinder(*rng.uniform(0.02, 0.05, 2)),
     )
     bodies = []
     for k in range(count):
@@ -307,6 +325,10 @@ def farthest(shape, way):
             return max(vertices, key=lambda vertex: np.dot(vertex, way))
         case Capsule(radius, half_length):
             return radius * way + np.array((0.0, 0.0, half_length * np.sign(way[2])))
+        case Cylinder(radius, half_length):
+            across = np.hypot(way[0], way[1])
+            rim = radius * way[:2] / across if across > 0 else np.zeros(2)
+            return np.array((*rim, half_length * np.sign(way[2])))
         case Ellipsoid(axes):
             return np.square(axes) * way / np.linalg.norm(np.array(axes) * way)
 
@@ -315,6 +337,7 @@ ROUND_AND_FLAT = (
     Box((0.03, 0.02, 0.04)),
     Sphere(0.03),
     Capsule(0.02, 0.03),
+    Cylinder(0.03, 0.02),
     Ellipsoid((0.04, 0.03, 0.02)),
     Hull(elliptic_hull((0.04, 0.03, 0.03))),
 )

@@ -44,6 +44,7 @@ def error(scene: Scenario, rate: int, profile: str = "balanced", *changes: str) 
         ("disc_rolls", 2e-3),
         ("ellipsoid_rolls", 5e-3),
         ("prism_rolls", 2e-4),
+        ("rim_rolls", 2e-3),
     ],
 )
 def test_the_error_is_of_second_order(name: str, most: float) -> None:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses, piece_box, tracked_poses
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
+from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Piece, Shape, Sphere
 
 SAMPLES = 5
 ROUNDING = 1e-13
@@ -67,6 +67,7 @@ def test_tracked_links_are_where_pinocchio_puts_them(scene: str) -> None:
         Sphere(0.3),
         Box((0.1, 0.2, 0.3)),
         Capsule(0.1, 0.4),
+        Cylinder(0.2, 0.3),
         Ellipsoid((0.1, 0.2, 0.3)),
         Hull(((0.1, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.3), (-0.1, -0.1, -0.1))),
     ],
@@ -96,6 +97,9 @@ def _surface(shape: Shape) -> np.ndarray:
             return np.sign(ball) * half
         case Capsule(radius, half_length):
             return radius * ball + np.outer(np.sign(ball[:, 2]), (0.0, 0.0, half_length))
+        case Cylinder(radius, half_length):
+            rim = ball[:, :2] / np.linalg.norm(ball[:, :2], axis=1)[:, None]
+            return np.column_stack([radius * rim, half_length * np.sign(ball[:, 2])])
         case Ellipsoid(half_axes):
             return ball * half_axes
         case Hull(vertices):

@@ -17,6 +17,7 @@ from touchstone.scenarios.solids import (
     box_inertia,
     capsule,
     capsule_inertia,
+    cylinder_inertia,
     ellipsoid,
     ellipsoid_inertia,
     hull,
@@ -73,6 +74,15 @@ def test_a_fine_hull_tends_to_its_ellipsoid():
         np.testing.assert_allclose(centre, 0.0, atol=1e-3 * axes.max())
     assert 0 < errors[1] < errors[0] / 3.5
     assert errors[1] < 5e-3
+
+
+def test_a_fine_prism_tends_to_its_cylinder():
+    """Approach the cylinder's inertia as 1 / n^2 with n sides."""
+    angles = 2 * np.pi * np.arange(400) / 400
+    rim = 0.2 * np.column_stack([np.cos(angles), np.sin(angles)])
+    points = np.vstack([np.column_stack([rim, np.full(400, z)]) for z in (-0.3, 0.3)])
+    mass, _, inertia = hull_mass_properties(points, mass=2.0)
+    np.testing.assert_allclose(inertia, cylinder_inertia(mass, 0.2, 0.3), rtol=2e-4, atol=1e-15)
 
 
 def test_points_inside_change_nothing():

@@ -21,6 +21,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Piece,
@@ -87,6 +88,8 @@ SHAPE = [
     (Box((1.0, 1.0)), "half_extents", "found 2 numbers"),
     (Capsule(0.0, 1.0), "radius", "positive"),
     (Capsule(1.0, -1.0), "half_length", "positive"),
+    (Cylinder(0.0, 1.0), "radius", "positive"),
+    (Cylinder(1.0, inf), "half_length", "inf"),
     (Ellipsoid((1.0, 0.0, 1.0)), "half_axes", "positive"),
     (Hull(CUBE[:3]), "vertices", "at least 4"),
     (Hull(((nan, 0.0, 0.0), *CUBE)), "vertices[0]", "nan"),
@@ -94,7 +97,11 @@ SHAPE = [
     (Hull((*CUBE, CUBE[0])), "vertices", "repeated"),
     (Hull(CUBE[:4]), "vertices", "degenerate"),
     (Hull(tuple((x, y, 1e-9 * z) for x, y, z in CUBE)), "vertices", "degenerate"),
-    (SimpleNamespace(), "", "unknown shape SimpleNamespace; valid: Sphere, Box, Capsule, Ellipsoid, Hull"),
+    (
+        SimpleNamespace(),
+        "",
+        "unknown shape SimpleNamespace; valid: Sphere, Box, Capsule, Cylinder, Ellipsoid, Hull",
+    ),
 ]
 JOINT = [
     ({"parent": "torso"}, "joints[0].parent", "unknown body 'torso'"),

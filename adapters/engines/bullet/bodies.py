@@ -21,6 +21,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Hull,
     Joint,
     Piece,
@@ -32,7 +33,12 @@ from touchstone.scenarios.solids import box_inertia, sphere_inertia
 Joints = tuple[Joint, ...]
 INERTIA_TOLERANCE = 1e-12
 """Relative tolerance between a body's inertia and that of its shape: rounding."""
-PRIMITIVES = {Sphere: pybullet.GEOM_SPHERE, Box: pybullet.GEOM_BOX, Capsule: pybullet.GEOM_CAPSULE}
+PRIMITIVES = {
+    Sphere: pybullet.GEOM_SPHERE,
+    Box: pybullet.GEOM_BOX,
+    Capsule: pybullet.GEOM_CAPSULE,
+    Cylinder: pybullet.GEOM_CYLINDER,
+}
 
 
 class Bodies:
@@ -191,8 +197,12 @@ class Bodies:
         shapes = [piece.shape for piece in pieces]
         return pybullet.createCollisionShapeArray(
             shapeTypes=[PRIMITIVES[type(shape)] for shape in shapes],
-            radii=[shape.radius if isinstance(shape, Sphere | Capsule) else 0.0 for shape in shapes],
-            lengths=[2 * shape.half_length if isinstance(shape, Capsule) else 0.0 for shape in shapes],
+            radii=[
+                shape.radius if isinstance(shape, Sphere | Capsule | Cylinder) else 0.0 for shape in shapes
+            ],
+            lengths=[
+                2 * shape.half_length if isinstance(shape, Capsule | Cylinder) else 0.0 for shape in shapes
+            ],
             halfExtents=[shape.half_extents if isinstance(shape, Box) else ORIGIN for shape in shapes],
             collisionFramePositions=[piece.position for piece in pieces],
             collisionFrameOrientations=[xyzw(piece.orientation) for piece in pieces],

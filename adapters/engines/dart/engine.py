@@ -29,10 +29,10 @@ from touchstone.adapters.engines.dart.model import (
     add_piece,
     add_servos,
     body_facts,
+    detector_choice,
     detector_of,
     friction_solver,
     isometry,
-    reason_for_bullet,
     set_mass,
     solver_options,
 )
@@ -379,7 +379,7 @@ class World:
     def _detector_reason(self) -> str:
         if "detector" in SETTINGS.numbers(self._settings.changes):
             return "chosen"
-        return reason_for_bullet(self._scenario, self._settings.profile) or "DART's default"
+        return detector_choice(self._scenario, self._settings.profile)[1]
 
     def cross(self) -> None:
         """Call a getter of one number."""

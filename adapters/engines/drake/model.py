@@ -12,6 +12,7 @@ from pydrake.geometry import (
     Capsule,
     CollisionFilterDeclaration,
     Convex,
+    Cylinder,
     DefaultProximityProperties,
     Ellipsoid,
     GeometrySet,
@@ -160,6 +161,8 @@ def _shape(piece: Piece) -> Any:
             return Box(*(2 * extent for extent in half))
         case shapes.Capsule(radius, half_length):
             return Capsule(radius, 2 * half_length)
+        case shapes.Cylinder(radius, half_length):
+            return Cylinder(radius, 2 * half_length)
         case shapes.Ellipsoid(half_axes):
             return Ellipsoid(*half_axes)
         case shapes.Hull(vertices):

@@ -19,6 +19,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Piece,
@@ -166,6 +167,8 @@ def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
             _add_box(geom, piece.shape)
         case Capsule():
             _add_capsule(geom, piece.shape)
+        case Cylinder():
+            _add_cylinder(geom, piece.shape)
         case Ellipsoid():
             _add_ellipsoid(geom, piece.shape)
         case Hull():
@@ -184,6 +187,10 @@ def _add_box(geom: Any, shape: Box) -> None:
 
 def _add_capsule(geom: Any, shape: Capsule) -> None:
     geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CAPSULE, (shape.radius, shape.half_length, 0.0)
+
+
+def _add_cylinder(geom: Any, shape: Cylinder) -> None:
+    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CYLINDER, (shape.radius, shape.half_length, 0.0)
 
 
 def _add_ellipsoid(geom: Any, shape: Ellipsoid) -> None:

@@ -91,6 +91,8 @@ def _add_piece(builder: Any, body: int, piece: Piece, place: Any, config: Any) -
             builder.add_shape_box(body, hx=x, hy=y, hz=z, **given)
         case shapes.Capsule(radius, half_length):
             builder.add_shape_capsule(body, radius=radius, half_height=half_length, **given)
+        case shapes.Cylinder(radius, half_length):
+            builder.add_shape_cylinder(body, radius=radius, half_height=half_length, **given)
         case shapes.Ellipsoid((x, y, z)):
             builder.add_shape_ellipsoid(body, rx=x, ry=y, rz=z, **given)
         case shapes.Hull(vertices):

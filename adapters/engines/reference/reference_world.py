@@ -26,6 +26,7 @@ from touchstone.scenarios.scenario import (
     UNMOVED,
     Box,
     Capsule,
+    Cylinder,
     Ellipsoid,
     Hull,
     Piece,
@@ -242,6 +243,9 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
                 row["kind"], row["radius"] = conventions.CAPSULE, radius
                 row["size"] = (0.0, 0.0, half_length)
                 row["width"], row["reach"] = 2 * radius, half_length
+            case Cylinder(radius, half_length):
+                row["kind"], row["size"] = conventions.CYLINDER, (radius, radius, half_length)
+                row["width"], row["reach"] = 2 * min(radius, half_length), np.hypot(radius, half_length)
             case Ellipsoid(half_axes):
                 row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
                 row["width"], row["reach"] = 2 * min(half_axes), max(half_axes)

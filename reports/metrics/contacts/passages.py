@@ -42,7 +42,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.adapters.vector_products import cross
 from touchstone.reports.metrics.context import Context, judging
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Shape, Sphere
+from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Piece, Shape, Sphere
 
 if TYPE_CHECKING:
     from touchstone.reports.metrics.context import Context
@@ -258,6 +258,8 @@ def _size(shape: Shape) -> tuple[Array, float, float]:
             return np.zeros(3), float(np.linalg.norm(half)), min(half)
         case Capsule(radius, half_length):
             return np.zeros(3), radius + half_length, radius
+        case Cylinder(radius, half_length):
+            return np.zeros(3), float(np.hypot(radius, half_length)), min(radius, half_length)
         case Ellipsoid(half):
             return np.zeros(3), max(half), min(half)
         case Hull(vertices):
@@ -403,6 +405,9 @@ def _extents(shape: Shape, turned: Array) -> tuple[Array, Array]:
             half = np.abs(turned) @ np.array(extents)
         case Capsule(radius, half_length):
             half = np.abs(turned[:, :, 2]) * half_length + radius
+        case Cylinder(radius, half_length):
+            across = np.hypot(turned[:, :, 0], turned[:, :, 1])
+            half = np.abs(turned[:, :, 2]) * half_length + across * radius
         case Ellipsoid(axes):
             half = np.linalg.norm(turned * np.array(axes), axis=2)
         case Hull(vertices):

@@ -55,6 +55,7 @@ const compose = (q, p, r, s) => [times(q, r), rotate(q, s).map((v, k) => v + p[k
 function shapeMesh(piece) {
   if (piece.ball) return roundMesh(piece.ball, 0);
   if (piece.capsule) return roundMesh(Array(3).fill(piece.capsule[0]), piece.capsule[1]);
+  if (piece.cylinder) return cylinderMesh(...piece.cylinder);
   const flat = piece.box ? boxCorners(piece.box) : [], corners = [];
   for (let i = 0; i < (piece.hull ?? []).length; i += 3) flat.push(piece.hull.slice(i, i + 3));
   for (let i = 0; i < flat.length; i += 3) {
@@ -89,6 +90,28 @@ function roundMesh(radii, half_length) {
     for (let k = 1; k < kept.length; k++)
       for (let i = 0; i < U; i += step) {
         const a = kept[k - 1].first + i, b = kept[k].first + i;
+        found.push(a, b, b + step, a, b + step, a + step);
+      }
+    return found;
+  };
+  return { corners, fine: triangles(1), coarse: triangles(2) };
+}
+
+// A cylinder along z: two caps and a side whose corners share normals.
+function cylinderMesh(radius, half_length) {
+  const U = 20, corners = [];
+  // rings from the upper cap's centre over both rims to the lower cap's centre: radius, height, tilt of the normal
+  for (const [r, z, up] of [[0, 1, 1], [1, 1, 1], [1, 1, 0], [1, -1, 0], [1, -1, -1], [0, -1, -1]])
+    for (let i = 0; i <= U; i++) {
+      const u = (2 * Math.PI * i) / U, side = up ? 0 : 1;
+      corners.push(r * radius * Math.cos(u), r * radius * Math.sin(u), z * half_length,
+        side * Math.cos(u), side * Math.sin(u), up);
+    }
+  const triangles = (step) => {
+    const found = [];
+    for (const k of [0, 2, 4])
+      for (let i = 0; i < U; i += step) {
+        const a = k * (U + 1) + i, b = a + U + 1;
         found.push(a, b, b + step, a, b + step, a + step);
       }
     return found;

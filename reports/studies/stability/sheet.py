@@ -27,7 +27,7 @@ from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.verdict.figures import rotations
 from touchstone.reports.views.pictures import INK, figure
 from touchstone.scenarios.difficulty.family import hard_scene
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Scenario, Shape, Sphere
+from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Scenario, Shape, Sphere
 
 PER_SHEET = 20
 """Cells of one picture."""
@@ -188,6 +188,9 @@ def _points(shape: Shape) -> Array:
             return np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * np.array(half)
         case Capsule(radius, half_length):
             return radius * BALL + np.outer(np.sign(BALL[:, 2]), (0.0, 0.0, half_length))
+        case Cylinder(radius, half_length):
+            rim = BALL[:, :2] / np.maximum(np.hypot(BALL[:, 0], BALL[:, 1]), 1e-12)[:, None]
+            return np.column_stack((radius * rim, half_length * np.sign(BALL[:, 2])))
         case Ellipsoid(half):
             return BALL * np.array(half)
         case Hull(vertices):

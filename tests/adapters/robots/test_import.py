@@ -21,7 +21,7 @@ from touchstone.adapters.robots.robot_scene import BASE, imported
 from touchstone.adapters.robots.source import compiled
 from touchstone.scenarios.files.read import read_scene
 from touchstone.scenarios.files.write import scene_toml
-from touchstone.scenarios.scenario import Box, Scenario
+from touchstone.scenarios.scenario import Box, Cylinder, Scenario
 
 QUICK = (
     *("kuka_iiwa/model.urdf", "quadruped/minitaur.urdf", "pendulum5.urdf", "mjcf/humanoid.xml"),
@@ -123,9 +123,11 @@ def test_a_urdf_keeps_its_masses_and_joints(robot, tmp_path):
     turn = Rotation.from_euler("xyz", (0, 0.2, 0))
     assert np.allclose(joint.axis, turn.apply((0, 0.5**0.5, 0.5**0.5)), atol=1e-15)
     assert scenario.bodies[2].mass == pytest.approx(0.6, rel=1e-15)
-    assert [len(piece.shape.vertices) for piece in scenario.bodies[2].pieces] == [48, 4]
+    rod, tip = (piece.shape for piece in scenario.bodies[2].pieces)
+    assert rod == Cylinder(0.02, 0.2)
+    assert len(tip.vertices) == 4
     check_whole(tmp_path / "arm.urdf", found)
-    assert [note.partition(":")[0] for note in found.notes] == ["mesh 'tip'", "1 cylinders", "floor"]
+    assert [note.partition(":")[0] for note in found.notes] == ["mesh 'tip'", "floor"]
     # what is written is read again, to the bit
     (tmp_path / "again.toml").write_text(scene_toml(scenario, "\n".join(found.notes)))
     assert read_scene(tmp_path / "again.toml") == scenario

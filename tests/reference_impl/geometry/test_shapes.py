@@ -12,17 +12,18 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.engines.reference.reference_world import piece_arrays, translate
 from touchstone.adapters.engines.reference.support_table import BRUTE_FORCE_VERTEX_COUNT, hull_rows
 from touchstone.reference_impl.geometry.shapes import corner_of_hull, local_support, place_piece
-from touchstone.scenarios.scenario import Body, Box, Capsule, Ellipsoid, Hull, Piece, Sphere
+from touchstone.scenarios.scenario import Body, Box, Capsule, Cylinder, Ellipsoid, Hull, Piece, Sphere
 from touchstone.scenarios.solids import elliptic_hull, sphere_inertia
 
 SHAPES = {
     "sphere": Sphere(0.3),
     "box": Box((0.3, 0.2, 0.1)),
     "capsule": Capsule(0.2, 0.3),
+    "cylinder": Cylinder(0.2, 0.3),
     "ellipsoid": Ellipsoid((0.3, 0.2, 0.1)),
     "hull": Hull(elliptic_hull((0.3, 0.2, 0.1))),
 }
-ROUND = ("sphere", "capsule", "ellipsoid")
+ROUND = ("sphere", "capsule", "cylinder", "ellipsoid")
 TURN = Rotation.from_rotvec([0.4, -1.1, 0.6])
 OWN = Rotation.from_rotvec([-0.2, 0.3, 0.9])
 
@@ -38,6 +39,9 @@ def surface(shape) -> np.ndarray:
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     if isinstance(shape, Capsule):
         return u * shape.radius + np.sign(u) * (0.0, 0.0, shape.half_length)
+    if isinstance(shape, Cylinder):
+        rim = u[:, :2] / np.linalg.norm(u[:, :2], axis=1)[:, None]
+        return np.column_stack([shape.radius * rim, shape.half_length * np.sign(u[:, 2])])
     return u * (shape.radius if isinstance(shape, Sphere) else shape.half_axes)
 
 
@@ -85,22 +89,23 @@ def test_support_is_the_farthest_point(lab: SimpleNamespace, name: str) -> None:
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_support_names_its_corner(lab: SimpleNamespace, name: str) -> None:
-    """Tell the hull's vertex or the box' octant; a point is corner 0, a smooth core has none."""
+    """Tell the hull's vertex or the box' octant; a point is corner 0, a smooth core and a rim have none."""
     world, _ = placed(lab, SHAPES[name], 0.0)
     row = world.pieces[0]
     bits = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)]) * 2 - 1
     corners = world.vertices["position"] if name == "hull" else bits * row["size"]
     for direction in np.random.default_rng(2).normal(size=(20, 3)):
         corner, *point = local_support(row, world.vertices, *direction)
-        if name == "ellipsoid":
+        if name in ("cylinder", "ellipsoid"):
             assert corner == -1
         else:
             assert point == corners[corner].tolist()
 
 
-def test_support_without_a_direction_is_finite(lab: SimpleNamespace) -> None:
-    """Give a finite point of an ellipsoid along the zero vector."""
-    world, _ = placed(lab, SHAPES["ellipsoid"], 0.0)
+@pytest.mark.parametrize("name", ["cylinder", "ellipsoid"])
+def test_support_without_a_direction_is_finite(lab: SimpleNamespace, name: str) -> None:
+    """Give a finite point along the zero vector."""
+    world, _ = placed(lab, SHAPES[name], 0.0)
     assert np.isfinite(local_support(world.pieces[0], world.vertices, 0.0, 0.0, 0.0)).all()
 
 
