@@ -36,6 +36,14 @@ OF_BODIES = (
 SLEEP_THRESHOLD = 0.005
 """SAPIEN's default: kinetic energy over mass below which a body may sleep [J/kg]."""
 
+UNREADABLE: dict[str, Scalar] = {
+    # Without getter in SAPIEN; from its physx_engine.h, and PhysX's PxSceneDesc.h for these tolerances.
+    "tolerance_length [m]": 0.1,
+    "tolerance_speed [m/s]": 0.2,
+    "friction_correlation_distance [m]": 0.0025,
+    "combine_mode": "mean",
+}
+
 
 def scene_of(settings: Settings, gravity: tuple[float, ...]) -> tuple[Any, Any]:
     """An empty scene on its PhysX system, which runs on the calling thread, with a profile's settings."""
@@ -135,9 +143,7 @@ def facts_of(system: Any, components: list[Any]) -> dict[str, Scalar]:
         "solver": "TGS" if config.enable_tgs else "PGS",
         **{name: getattr(config, name) for name in OF_SCENE},
         "gravity": str(config.gravity.tolist()),
-        "tolerance_length [m]": 1.0,
-        "tolerance_speed [m/s]": 10.0,
-        "friction_correlation_distance [m]": 0.025,
+        **UNREADABLE,
     }
     moving = [one for one in components if isinstance(one, physx.PhysxRigidDynamicComponent)]
     for one in [each for each in moving if not each.kinematic][:1]:
