@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array, BodyFacts, Scalar, Settings, Unsupported
+from touchstone.adapters.contract import (
+    FRICTION_IMPULSES,
+    NOT_REPORTED,
+    Array,
+    BodyFacts,
+    Scalar,
+    Settings,
+    Unsupported,
+)
 from touchstone.adapters.engines.physx.settings import SETTINGS
 from touchstone.adapters.material_combine import frictions, mean_factors, restitutions
 from touchstone.adapters.posed_drive import Posed
@@ -42,6 +50,7 @@ UNREADABLE: dict[str, Scalar] = {
     "tolerance_speed [m/s]": 0.2,
     "friction_correlation_distance [m]": 0.0025,
     "combine_mode": "mean",
+    FRICTION_IMPULSES: NOT_REPORTED,
 }
 
 

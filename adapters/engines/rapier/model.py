@@ -9,7 +9,15 @@ import numpy as np
 import rapier3d
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array, BodyFacts, Scalar, Settings, Unsupported
+from touchstone.adapters.contract import (
+    FRICTION_IMPULSES,
+    NOT_REPORTED,
+    Array,
+    BodyFacts,
+    Scalar,
+    Settings,
+    Unsupported,
+)
 from touchstone.adapters.engines.rapier.settings import SETTINGS
 from touchstone.adapters.material_combine import (
     Pairs,
@@ -170,6 +178,8 @@ def facts_of(world: Any, settings: Settings, rules: Any) -> dict[str, Scalar]:
     for name, (frequency, ratio) in SPRINGS.items():
         spring = getattr(parameters, name)
         facts |= {f"{frequency} [Hz]": spring.natural_frequency, ratio: spring.damping_ratio}
+    if parameters.friction_model == rapier3d.FrictionModel.SIMPLIFIED:
+        facts[FRICTION_IMPULSES] = NOT_REPORTED
     return facts | {
         "friction_model": str(parameters.friction_model),
         "friction_rule": str(rules[0][0]),
