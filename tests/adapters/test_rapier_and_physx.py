@@ -11,6 +11,7 @@ import pytest
 
 from touchstone.adapters.conformance.check import check
 from touchstone.adapters.contract import Settings
+from touchstone.adapters.recording import load as loaded
 from touchstone.adapters.registry import (
     DEFAULT_ENGINES,
     ENGINES,
@@ -20,7 +21,6 @@ from touchstone.adapters.registry import (
     registered,
     settings_of,
 )
-from touchstone.adapters.recording import load as loaded
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.adapters.workers.play import play
 from touchstone.scenarios.catalogue import catalogue
@@ -108,7 +108,9 @@ def test_a_capsule_stands_along_its_z_axis(name, lab, box):
     """Upright on a flat ground, its centre is half its length and a radius above it."""
     scenario = lab.scene(lab.ground(), box(), duration=0.2, mu=MU)
     ground, cube = scenario.bodies
-    capsule = replace(cube, position=(0.0, 0.0, 0.35), pieces=(replace(cube.pieces[0], shape=Capsule(0.1, 0.25)),))
+    capsule = replace(
+        cube, position=(0.0, 0.0, 0.35), pieces=(replace(cube.pieces[0], shape=Capsule(0.1, 0.25)),)
+    )
     run = run_of(replace(scenario, bodies=(ground, capsule)), name)
     assert run.recording.position[-1, 1, 2] == pytest.approx(0.35, abs=2e-3)
 

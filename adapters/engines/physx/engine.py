@@ -1,16 +1,16 @@
 """PhysX 5 through SAPIEN: one scene on a PhysxCpuSystem, in single precision, on the calling thread.
 
-Conventions: quaternions are wxyz; boxes have half sides, a capsule lies along x. A body's velocity is that of
-its mass centre, along world axes. Of a contact of bodies 0 and 1 the normal points from 1 to 0, the point lies
-on the surface of 1, from which we compute the midpoint, and the impulse acts on 0. SAPIEN passes on normal
-impulses alone: PhysX reports those of friction elsewhere, as anchors of patches. Contacts are those of the
-step's start. Friction (static and dynamic are equal) and restitution belong to materials; PhysX takes the mean
-of both, SAPIEN has no other combine mode. There is no ellipsoid.
+Conventions: quaternions are wxyz; boxes have half sides, a capsule lies along x. A body's velocity is that
+of its mass centre, along world axes. Of a contact of bodies 0 and 1 the normal points from 1 to 0, the point
+lies on the surface of 1, from which we compute the midpoint, and the impulse acts on 0. SAPIEN passes on
+normal impulses alone: PhysX reports those of friction apart. Contacts are those of the step's start. Friction
+(static and dynamic are equal) and restitution belong to materials; PhysX takes the mean of both, and SAPIEN
+has no other combine mode. There is no ellipsoid.
 
 Profiles, at 1/120 s, SAPIEN's 1/100 s fitted to a frame: `default` has SAPIEN's defaults: TGS, ten position
 iterations, bounces from 2 m/s on, and PhysX's angular damping. `recommended` has the step and the bounce
-threshold of Isaac Lab's configuration for contact-rich tasks, 0.2 m/s, and no damping: the scenes have no air.
-`pgs` is the same with the PGS solver. Sleeping is off unless it is asked for.
+threshold of Isaac Lab's configuration for contact-rich tasks, 0.2 m/s, and no damping: the scenes have no
+air. `pgs` is the same with the PGS solver. Sleeping is off unless it is asked for.
 https://nvidia-omniverse.github.io/PhysX/physx/5.3.1/docs/RigidBodyDynamics.html
 https://isaac-sim.github.io/IsaacLab/develop/source/overview/core-concepts/physical-backends/physx/configuration.html
 """
@@ -53,7 +53,7 @@ class PhysxEngine:
 
 
 class World:
-    """A scene. `_added` has entity and component per body of the scenario, `_moving` those that PhysX moves."""
+    """A scene. `_added` has entity and component per body, `_moving` the bodies that PhysX moves."""
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
         self._scenario, self._settings = scenario, settings

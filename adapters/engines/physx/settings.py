@@ -32,10 +32,18 @@ SETTINGS = Table(
             "approach up to which nothing bounces",
             whole=False,
         ),
-        Range("contact_offset", 1e-6, 10, "m", _same("0.01"), "of each shape: gap with contacts", whole=False),
+        Range(
+            "contact_offset", 1e-6, 10, "m", _same("0.01"), "of each shape: gap with contacts", whole=False
+        ),
         Range("rest_offset", -1, 1, "m", _same("0.0"), "of each shape: gap at which it rests", whole=False),
         Range(
-            "angular_damping", 0, 1e3, "1/s", ("0.0", "0.05", "0.0"), "of each body, as of a fluid", whole=False
+            "angular_damping",
+            0,
+            1e3,
+            "1/s",
+            ("0.0", "0.05", "0.0"),
+            "of each body",
+            whole=False,
         ),
         Range("max_angular_velocity", 1e-3, 1e6, "rad/s", _same("100.0"), "of each body", whole=False),
         Choice("enable_pcm", _SWITCH, _same("yes"), "persistent contact manifolds"),

@@ -1,4 +1,4 @@
-"""Adapter of Rapier through its Python package, which plays when it is named, in an environment of its own."""
+"""Adapter of Rapier, which plays when it is named, in an environment of its own."""
 
 from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, RECOMMENDED, Entry
 

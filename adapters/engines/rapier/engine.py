@@ -11,10 +11,10 @@ its coefficients. Masses are those of the scene: colliders have no density. Ther
 Impulses of friction are those of COULOMB: per point along two axes that follow from the normal. SIMPLIFIED
 reports none, so that its contacts have the normal impulse alone.
 
-Profiles, at Rapier's default step of 1/60 s: `default`; `recommended` has twelve substeps (`num_solver_
-iterations`) instead of four, Rapier's advice for stacks and complex machinery; `accurate` moreover solves
-friction at each contact point, which Rapier calls more accurate and slower, and keeps no contacts of pairs that
-moved. Sleeping is off unless it is asked for.
+Profiles, at Rapier's default step of 1/60 s: `default`; `recommended` has twelve substeps
+(`num_solver_iterations`) instead of four, Rapier's advice for stacks and complex machinery; `accurate`
+moreover solves friction at each contact point, which Rapier calls more accurate and slower, and keeps no
+contacts of pairs that moved. Sleeping is off unless it is asked for.
 https://docs.rs/rapier3d/latest/rapier3d/dynamics/struct.IntegrationParameters.html
 """
 
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib.metadata import version
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -63,7 +63,7 @@ STAGES = {
 
 
 class RapierEngine:
-    """Rapier with its defaults, with more substeps (`recommended`), and with friction at points (`accurate`)."""
+    """Rapier: `default`, `recommended` with more substeps, `accurate` with friction at points."""
 
     name: ClassVar[str] = "rapier"
     profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
@@ -83,7 +83,7 @@ class RapierEngine:
 
 
 class World:
-    """A PhysicsWorld. `_handles` has Rapier's body per body of the scenario, `_moving` those that it moves."""
+    """A PhysicsWorld. `_bodies` has Rapier's body per body, `_moving` the bodies that Rapier moves."""
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
         self._scenario, self._settings = scenario, settings
@@ -148,7 +148,10 @@ class World:
             return
         rows = np.array(found)
         sides, normal = rows[:, :2].astype(int), rows[:, 2:5]
-        first, second = self._world_points(sides[:, 0], rows[:, 5:8]), self._world_points(sides[:, 1], rows[:, 8:11])
+        first, second = (
+            self._world_points(sides[:, 0], rows[:, 5:8]),
+            self._world_points(sides[:, 1], rows[:, 8:11]),
+        )
         along, across = tangents_of(-normal)
         impulse = rows[:, 11:12] * normal - rows[:, 12:13] * along - rows[:, 13:14] * across
         distance = ((second - first) * normal).sum(axis=1)

@@ -1,4 +1,4 @@
-"""A scenario in Rapier's PhysicsWorld: bodies, colliders, coefficients per collider, integration parameters."""
+"""A scenario in Rapier's PhysicsWorld: bodies, colliders, their coefficients, integration parameters."""
 
 from __future__ import annotations
 

@@ -75,7 +75,10 @@ SETTINGS = Table(
         Range("max_ccd_substeps", 0, 1000, "", _same("1"), "of continuous detection; 0: none"),
         Choice("ccd_enabled", _SWITCH, _same("no"), "continuous detection between moving bodies, too"),
         Choice(
-            "contact_recycling", _SWITCH, ("yes", "yes", "no"), "keep the contacts of pairs that moved by up to 5 cm"
+            "contact_recycling",
+            _SWITCH,
+            ("yes", "yes", "no"),
+            "keep contacts of pairs that moved by up to 5 cm",
         ),
         Choice("allow_fast_rotation", _SWITCH, _same("no"), "no: at most 45 degrees of rotation a step"),
         Choice("gyroscopic_forces", _SWITCH, _same("yes"), "torque of the spin of unequal inertias"),
