@@ -137,13 +137,13 @@ class World:
         state.clear_contacts()
         found = []
         for pair in self._world.narrow_phase.contact_pairs() if self._moment else ():
-            sides = self._number[pair.collider1], self._number[pair.collider2]
+            both = self._number[pair.collider1], self._number[pair.collider2]
             for manifold in pair.manifolds:
                 normal, points = manifold.data.normal.to_tuple(), manifold.points
                 for contact in manifold.data.solver_contacts:
                     point = points[contact.contact_id & POINT]
                     places = *point.local_p1.to_tuple(), *point.local_p2.to_tuple()
-                    found.append((*sides, *normal, *places, point.impulse, *point.tangent_impulse))
+                    found.append((*both, *normal, *places, point.impulse, *point.tangent_impulse))
         if not found:
             return
         rows = np.array(found)
