@@ -56,7 +56,7 @@ def impulse_balance(context: Context) -> Values:
 
 def lacks_friction(context: Context) -> bool:
     """Whether contacts have friction whose impulses the engine does not report."""
-    reported = context.recording.facts["settings"].get(FRICTION_IMPULSES)
+    reported = context.recording.facts.get("settings", {}).get(FRICTION_IMPULSES)
     return reported == NOT_REPORTED and bool(context.friction.any())
 
 
