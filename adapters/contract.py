@@ -56,6 +56,9 @@ CONTACT_FIELDS = np.dtype(
 BODIES, POSITION, NORMAL, DISTANCE, IMPULSE = slice(1, 3), slice(3, 6), slice(6, 9), 9, slice(10, 13)
 """Places of fields of CONTACT_FIELDS, counted in words of 8 bytes."""
 
+FRICTION_IMPULSES, NOT_REPORTED = "friction_impulses", "not reported"
+"""Fact in the settings of a manifest, and its value, of an engine that reports normal impulses alone."""
+
 LARGEST_STATE = 1e30
 """Magnitude that no number of a state reaches [SI units]: it fits single precision, its powers fit double."""
 

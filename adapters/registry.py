@@ -32,7 +32,9 @@ __all__ = ["ACCURATE", "DEFAULT", "ENGINES", "MAXIMAL", "RECOMMENDED", "SLEEPING
 
 DEFAULT_ENGINES = ("reference", "dart", "bullet", "mujoco")
 """Engines that play where none is named."""
-OURS = {name: f"touchstone.adapters.engines.{name}:ENTRY" for name in (*DEFAULT_ENGINES, "drake", "newton")}
+OPTIONAL_ENGINES = ("drake", "newton", "physx", "rapier")
+"""Engines of ours that play where they are named."""
+OURS = {name: f"touchstone.adapters.engines.{name}:ENTRY" for name in (*DEFAULT_ENGINES, *OPTIONAL_ENGINES)}
 """Engines of this project: name -> entry point, as in `pyproject.toml`."""
 
 

@@ -11,7 +11,13 @@ import numpy as np
 
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics import DRIVEN_METRICS, IMPULSE_METRICS, METRICS, PAIR_METRICS
-from touchstone.reports.metrics.contacts.contact import AUDIT_LIMIT, DRIVEN_AUDIT_LIMIT, driven_pairs
+from touchstone.reports.metrics.contacts.contact import (
+    AUDIT_LIMIT,
+    DRIVEN_AUDIT_LIMIT,
+    LACKING,
+    driven_pairs,
+    lacks_friction,
+)
 from touchstone.reports.metrics.context import Context, JudgeMissing, NotMeasured, Value
 from touchstone.reports.metrics.motion.events import subjects
 from touchstone.reports.results import UNAUDITED, UNJUDGED, Row
@@ -97,8 +103,11 @@ def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
 
 
 def _audited(rows: list[Row], context: Context) -> list[Row]:
-    """Reject impulse metrics where the impulses do not balance the motion, or where the balance is unknown.
-    Mark metrics that use impulses on driven bodies which no audit covers."""
+    """Reject impulse metrics where the impulses do not balance the motion, where the balance is unknown, or
+    where the engine reports a part of them. Mark metrics that use impulses on driven bodies which no audit
+    covers."""
+    if lacks_friction(context):
+        return _without_impulses(rows, LACKING)
     rows = _rejected(rows, "contact.impulse_balance", AUDIT_LIMIT)
     rows = _rejected(rows, "contact.impulse_balance.driven", DRIVEN_AUDIT_LIMIT)
     audited = {r.subject for r in rows if r.metric == "contact.impulse_balance.driven" and r.subject}
@@ -125,7 +134,10 @@ def _rejected(rows: list[Row], audit: str, limit: float) -> list[Row]:
     worst = max((inf if isnan(value) else value for value in audits), default=0.0)
     if not worst > limit:
         return rows
-    reason = f"the engine's impulses miss the motion by {worst:.2g}"
+    return _without_impulses(rows, f"the engine's impulses miss the motion by {worst:.2g}")
+
+
+def _without_impulses(rows: list[Row], reason: str) -> list[Row]:
     return [
         replace(row, value=float("nan"), verdict="skipped", reason=reason)
         if row.metric in IMPULSE_METRICS

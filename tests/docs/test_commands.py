@@ -19,7 +19,7 @@ from typing import NamedTuple
 import pytest
 import typer
 
-from touchstone.adapters.registry import installed, missing_reason
+from touchstone.adapters.registry import OPTIONAL_ENGINES, installed, missing_reason
 from touchstone.reports.cli import main
 
 ROOT = Path(__file__).parents[2]
@@ -159,7 +159,7 @@ def test_a_documented_command_exits_as_its_page_says(one, home):
     for start, reason in NOT_RUN.items():
         if f"{one.text} ".startswith(start) and "--quick" not in one.text:
             pytest.skip(reason)
-    for name in ("drake", "newton"):
+    for name in OPTIONAL_ENGINES:
         if name in one.arguments and not installed(name):
             pytest.skip(missing_reason(name))
     code, text = call(home, one.arguments)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from touchstone.adapters.contract import Array
+from touchstone.adapters.contract import FRICTION_IMPULSES, NOT_REPORTED, Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
 from touchstone.reports.metrics.motion.events import OPEN_GAP, Bounce, Gap, bounces, gap_of
 from touchstone.scenarios.scenario import ORIGIN, TRACKED, Body, Sphere
@@ -18,6 +18,7 @@ DRIVEN_AUDIT_LIMIT = 0.1
 """The same limit for driven bodies [relative]. Short touches of a turning hand reach 0.07 in first-order
 steps (`ball_snip`); half the impulse would be 0.5."""
 UNDRIVEN = "the engine poses its driven bodies itself: no drive to balance"
+LACKING = "the engine reports no impulses of friction"
 UNTOUCHED = 1e-9
 """Change of velocity over |v| + g T, both at their largest, below which it is rounding in double precision
 [1]."""
@@ -32,6 +33,8 @@ REFERENCE_SPEED = 1.4
 
 def impulse_balance(context: Context) -> Values:
     """Sum over frames of |sum J - (m dv - m g h)| over the sum of |m dv - m g h|, per simulated body."""
+    if lacks_friction(context):
+        raise NotMeasured(LACKING)
     rows = context.recording.contacts
     frames = len(context.recording.time) - 1
     frame = context.contact_frame
@@ -50,6 +53,12 @@ def impulse_balance(context: Context) -> Values:
     if not found:
         raise NotMeasured("no simulated body is touched")
     return worst(found) if "heap" in context.scenario.tags else found
+
+
+def lacks_friction(context: Context) -> bool:
+    """Whether contacts have friction whose impulses the engine does not report."""
+    reported = context.recording.facts.get("settings", {}).get(FRICTION_IMPULSES)
+    return reported == NOT_REPORTED and bool(context.friction.any())
 
 
 def impulse_balance_driven(context: Context) -> Values:

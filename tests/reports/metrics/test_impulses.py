@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from touchstone.reports.metrics.contacts.contact import REFERENCE_SPEED
+from touchstone.adapters.contract import FRICTION_IMPULSES, NOT_REPORTED
+from touchstone.reports.metrics.contacts.contact import LACKING, REFERENCE_SPEED
 from touchstone.reports.metrics.context import NotMeasured
+from touchstone.reports.results import Row
+from touchstone.reports.run.measure import measured
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Body, Piece, Sphere
 from touchstone.scenarios.solids import sphere_inertia
@@ -40,6 +44,20 @@ def test_impulse_balance_of_a_body_at_rest(recordings, known, resting, share, mi
     """Impulses that carry a share of the weight miss the motion by the rest of it."""
     found = known.value("contact.impulse_balance", pressing(recordings, resting, share), resting)
     assert found == {"ball": pytest.approx(missed, abs=1e-9)}  # 120 sums
+
+
+def test_impulses_without_those_of_friction_are_not_judged(recordings, known, resting):
+    """Where an engine reports none, contacts with friction have no balance, and no cone; others have both."""
+    recording = pressing(recordings, resting)
+    told = {"settings": {FRICTION_IMPULSES: NOT_REPORTED}}
+    partial = replace(recording, manifest=json.dumps(recording.facts | told))
+    rows = measured(Row("run", "test", "mujoco", "recommended", DT, ""), resting, partial, ["friction.cone"])
+    assert {(row.metric, row.verdict, row.reason) for row in rows} >= {
+        ("contact.impulse_balance", "skipped", LACKING),
+        ("friction.cone", "skipped", LACKING),
+    }
+    smooth = replace(resting, coefficients=(replace(resting.coefficients[0], friction=0.0),))
+    assert known.value("contact.impulse_balance", partial, smooth) == {"ball": pytest.approx(0.0, abs=1e-9)}
 
 
 def test_impulse_balance_counts_sides_and_frames(lab, recordings, known):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 from math import inf, nan
 
 import numpy as np
 import pytest
 
 from touchstone.adapters.detectors import DETECTORS
-from touchstone.adapters.engines.drake import ENTRY
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.registry import ENGINES, OPTIONAL_ENGINES
 from touchstone.reports.bench.geometry import MOTION
 from touchstone.reports.bench.poses import FAMILIES
 from touchstone.reports.bench.scaling import BALLS, BROAD_PHASE, VERTICES
@@ -33,8 +33,10 @@ from touchstone.scenarios.effects import PLANNED
 BENCH_METRICS = ("ratio.time", "certificate.open", "certificate.false", "scaling.exponent")
 ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2.0, "m", "a-b")
 
-OF_THE_PROJECT = {**ENGINES, "drake": ENTRY}
-"""Engines that play by default, and Drake, which plays when it is named."""
+OF_THE_PROJECT = ENGINES | {
+    name: import_module(f"touchstone.adapters.engines.{name}").ENTRY for name in OPTIONAL_ENGINES
+}
+"""Engines that play by default, and those that play when they are named."""
 
 
 KNOWN = tuple(known().values())

@@ -1,0 +1,153 @@
+"""PhysX 5 through SAPIEN: one scene on a PhysxCpuSystem, in single precision, on the calling thread.
+
+Conventions: quaternions are wxyz; boxes have half sides, a capsule lies along x. A body's velocity is that
+of its mass centre, along world axes. Of a contact of bodies 0 and 1 the normal points from 1 to 0, the point
+lies on the surface of 1, from which we compute the midpoint, and the impulse acts on 0. SAPIEN passes on
+normal impulses alone: PhysX reports those of friction apart. Contacts are those of the step's start. Friction
+(static and dynamic are equal) and restitution belong to materials; PhysX takes the mean of both, and SAPIEN
+has no other combine mode. There is no ellipsoid.
+
+Profiles, at 1/120 s, SAPIEN's 1/100 s fitted to a frame: `default` has SAPIEN's defaults: TGS, ten position
+iterations, bounces from 2 m/s on, and PhysX's angular damping. `recommended` has the step and the bounce
+threshold of Isaac Lab's configuration for contact-rich tasks, 0.2 m/s, and no damping: the scenes have no
+air. `pgs` is the same with the PGS solver. Sleeping is off unless it is asked for.
+https://nvidia-omniverse.github.io/PhysX/physx/5.3.1/docs/RigidBodyDynamics.html
+https://isaac-sim.github.io/IsaacLab/develop/source/overview/core-concepts/physical-backends/physx/configuration.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any, ClassVar
+
+import numpy as np
+
+from touchstone.adapters.contract import Manifest, PairFacts, Settings, State, Unsupported
+from touchstone.adapters.engines.physx import ENTRY
+from touchstone.adapters.engines.physx.model import add_bodies, facts_of, mass_facts, pose, scene_of
+from touchstone.adapters.posed_drive import coupled, posed_of
+from touchstone.adapters.registry import require_profile
+from touchstone.scenarios.avatar.surface_motion import surface_moves
+from touchstone.scenarios.scenario import Scenario
+
+
+class PhysxEngine:
+    """PhysX with TGS (`recommended`, and `default` with SAPIEN's defaults) or PGS (`pgs`)."""
+
+    name: ClassVar[str] = "physx"
+    profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
+
+    def build(self, scenario: Scenario, settings: Settings) -> World:
+        """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
+        require_profile(self.name, settings)
+        if coupled(scenario, settings):
+            raise Unsupported("physx: the adapter has no coupled bodies; choose --drive posed")
+        if any(map(surface_moves, scenario.bodies)):
+            raise Unsupported("physx: the adapter has no moving surfaces")
+        return World(scenario, settings)
+
+    def version(self) -> str:
+        """Version of the installed wheel of SAPIEN."""
+        return version("sapien")
+
+
+class World:
+    """A scene. `_added` has entity and component per body, `_moving` the bodies that PhysX moves."""
+
+    def __init__(self, scenario: Scenario, settings: Settings) -> None:
+        self._scenario, self._settings = scenario, settings
+        self._scene, self._system = scene_of(settings, scenario.acting_gravity)
+        self._posed = posed_of(scenario, settings)
+        posed = {link: one for one, _ in self._posed for link in one.links}
+        self._added = add_bodies(self._scene, scenario, settings, posed)
+        self._number = {component: k for k, (_, component) in enumerate(self._added)}
+        still = [body.kind == "fixed" or k in posed for k, body in enumerate(scenario.bodies)]
+        self._moving = [k for k, fixed in enumerate(still) if not fixed]
+        self._position = np.array([body.position for body in scenario.bodies])
+        self._orientation = np.array([body.orientation for body in scenario.bodies])
+        self._moment = 0
+
+    def drive(self, step: int) -> None:
+        """Give kinematic bodies their poses at the step's end."""
+        self._moment = step + 1
+        for one, _ in self._posed:
+            for k, link in enumerate(one.links):
+                target = pose(one.place[k, step + 1], one.orientation[k, step + 1])
+                self._added[link][1].set_kinematic_target(target)
+
+    def step(self) -> None:
+        """Advance by one step of the system."""
+        self._system.step()
+
+    def read(self, state: State) -> None:
+        """Read poses and velocities of the step's end, and contacts of its start."""
+        state.position[:], state.orientation[:] = self._position, self._orientation
+        for k in self._moving:
+            entity, body = self._added[k]
+            place = entity.pose
+            turn = place.q.astype(float)
+            state.position[k], state.orientation[k] = place.p, turn / np.linalg.norm(turn)
+            state.linear_velocity[k], state.angular_velocity[k] = body.linear_velocity, body.angular_velocity
+        for one, hinges in self._posed:
+            one.show(self._moment, state, hinges)
+        self._read_contacts(state)
+
+    def _read_contacts(self, state: State) -> None:
+        state.clear_contacts()
+        sides, found = [], []
+        for contact in self._system.get_contacts():
+            pair = [self._number[body] for body in contact.bodies]
+            for point in contact.points:
+                sides.append(pair)
+                found.append((*point.position, *point.normal, point.separation, *point.impulse))
+        if not found:
+            return
+        a, b = np.array(sides).T
+        rows = np.array(found, dtype=float)
+        point, normal, distance, impulse = rows[:, :3], rows[:, 3:6], rows[:, 6], rows[:, 7:]
+        acted = (distance <= 0) | impulse.any(axis=1)  # others are candidates within the contact offsets
+        point = point + normal * distance[:, None] / 2
+        state.add_contacts(b[acted], a[acted], point[acted], normal[acted], distance[acted], impulse[acted])
+
+    def describe(self) -> Manifest:
+        """Manifest as read from the scene."""
+        scenario, names = self._scenario, [body.name for body in self._scenario.bodies]
+        components = [component for _, component in self._added]
+        return Manifest(
+            engine=PhysxEngine.name,
+            version=version("sapien"),
+            profile=self._settings.profile,
+            dt=self._settings.dt,
+            settings=facts_of(self._system, components),
+            bodies={names[k]: mass_facts(components[k]) for k in self._moving},
+            pairs=tuple(
+                PairFacts(names[a], names[b], *self._combined(components[a], components[b]))
+                for a, b in scenario.touching_pairs()
+            ),
+            pieces={name: len(one.collision_shapes) for name, one in zip(names, components)},
+            freedom=6 * len(self._moving),
+        )
+
+    def _combined(self, a: Any, b: Any) -> tuple[float, float]:
+        """Restitution and friction of two bodies as read from their materials."""
+        first, second = (one.collision_shapes[0].physical_material for one in (a, b))
+        restitution = (first.restitution + second.restitution) / 2
+        return restitution, (first.dynamic_friction + second.dynamic_friction) / 2
+
+    def cross(self) -> None:
+        """Read one number."""
+        _ = self._system.timestep
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """SAPIEN reports none."""
+        return {}
+
+    def work(self) -> Mapping[str, float]:
+        """SAPIEN reports no counters."""
+        return {}
+
+    def close(self) -> None:
+        """Release the scene."""
+        self._number, self._added = {}, []
+        del self._scene, self._system

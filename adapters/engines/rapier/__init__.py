@@ -1,0 +1,15 @@
+"""Adapter of Rapier, which plays when it is named, in an environment of its own."""
+
+from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, RECOMMENDED, Entry
+
+ENTRY = Entry(
+    "touchstone.adapters.engines.rapier.engine:RapierEngine",
+    "rapier3d",
+    {RECOMMENDED: 1 / 60, DEFAULT: 1 / 60, ACCURATE: 1 / 60},
+    color="#44AA99",
+    marker="h",
+    rounding="everything in single precision",
+    requirement="rapier3d",
+    settings="touchstone.adapters.engines.rapier.settings:SETTINGS",
+    pins=("rapier3d==0.36.1",),
+)

@@ -1,0 +1,212 @@
+"""Rapier through its Python package: one PhysicsWorld per scene, in single precision, on one thread.
+
+Conventions: quaternions are read as xyzw and given as wxyz; boxes have half sides, a capsule lies along z. A
+body's velocity is that of its mass centre, along world axes. A manifold's normal points from body 1 to body
+2, its points are given in the frames of their colliders; impulses are sums over the substeps of a step.
+Contacts are those of the step's start; Rapier keeps them while a pair moves by less than 5 cm, and the
+distance is computed from its points. Friction and restitution belong to colliders with a combine rule each:
+the adapter takes Rapier's default, the mean, or the first of product, least and largest that gives each pair
+its coefficients. Masses are those of the scene: colliders have no density. There is no ellipsoid.
+
+Impulses of friction are those of COULOMB: per point along two axes that follow from the normal. SIMPLIFIED
+reports none, so that its contacts have the normal impulse alone.
+
+Profiles, at Rapier's default step of 1/60 s: `default`; `recommended` has twelve substeps
+(`num_solver_iterations`) instead of four, Rapier's advice for stacks and complex machinery; `accurate`
+moreover solves friction at each contact point, which Rapier calls more accurate and slower, and keeps no
+contacts of pairs that moved. Sleeping is off unless it is asked for.
+https://docs.rs/rapier3d/latest/rapier3d/dynamics/struct.IntegrationParameters.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import ClassVar
+
+import numpy as np
+
+from touchstone.adapters.contract import (
+    AdapterError,
+    Array,
+    Manifest,
+    PairFacts,
+    Settings,
+    State,
+    Unsupported,
+)
+from touchstone.adapters.engines.rapier import ENTRY
+from touchstone.adapters.engines.rapier.model import (
+    add_bodies,
+    facts_of,
+    mass_facts,
+    pose,
+    tangents_of,
+    world_of,
+    wxyz,
+)
+from touchstone.adapters.posed_drive import coupled, posed_of
+from touchstone.adapters.registry import require_profile
+from touchstone.adapters.vector_products import turned
+from touchstone.scenarios.avatar.surface_motion import surface_moves
+from touchstone.scenarios.scenario import Scenario
+
+POINT = (1 << 31) - 1
+"""Bits of a solver contact's number that are its point; the highest one marks new contacts."""
+
+STAGES = {
+    "collision": ("collision_detection",),
+    "impulses": ("island_construction", "island_constraints_collection", "solver"),
+    "integration": ("update", "user_changes", "ccd"),
+}
+"""Stages of a step, and Rapier's counters of them."""
+
+
+class RapierEngine:
+    """Rapier: `default`, `recommended` with more substeps, `accurate` with friction at points."""
+
+    name: ClassVar[str] = "rapier"
+    profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
+
+    def build(self, scenario: Scenario, settings: Settings) -> World:
+        """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
+        require_profile(self.name, settings)
+        if coupled(scenario, settings):
+            raise Unsupported("rapier: the adapter has no coupled bodies; choose --drive posed")
+        if any(map(surface_moves, scenario.bodies)):
+            raise Unsupported("rapier: the adapter has no moving surfaces")
+        return World(scenario, settings)
+
+    def version(self) -> str:
+        """Version of the installed wheel."""
+        return version("rapier3d")
+
+
+class World:
+    """A PhysicsWorld. `_bodies` has Rapier's body per body, `_moving` the bodies that Rapier moves."""
+
+    def __init__(self, scenario: Scenario, settings: Settings) -> None:
+        self._scenario, self._settings = scenario, settings
+        self._world = world_of(settings, scenario.acting_gravity)
+        self._posed = posed_of(scenario, settings)
+        posed = {link: one for one, _ in self._posed for link in one.links}
+        self._handles, self._rules = add_bodies(self._world, scenario, settings, posed)
+        self._bodies = [self._world.rigid_bodies[handle] for handle in self._handles]
+        self._moving = [k for k, body in enumerate(self._bodies) if body.is_dynamic]
+        # poses of the step's start, those of the contacts; fixed bodies keep theirs
+        self._position = np.array([body.position for body in scenario.bodies])
+        self._orientation = np.array([body.orientation for body in scenario.bodies])
+        colliders = list(self._world.colliders)
+        self._number = {handle: k for k, (handle, _) in enumerate(colliders)}
+        self._owner = np.array([one.user_data for _, one in colliders], dtype=int)
+        self._place = np.array([one.translation_wrt_parent.to_tuple() for _, one in colliders])
+        self._turn = np.array([wxyz(one.rotation_wrt_parent) for _, one in colliders])
+        self._moment = 0
+
+    def drive(self, step: int) -> None:
+        """Give kinematic bodies their poses at the step's end."""
+        self._moment = step + 1
+        for one, _ in self._posed:
+            for k, link in enumerate(one.links):
+                place = pose(one.place[k, step + 1], one.orientation[k, step + 1])
+                self._bodies[link].set_next_kinematic_position(place)
+
+    def step(self) -> None:
+        """Advance by one step of the world."""
+        self._world.step()
+
+    def read(self, state: State) -> None:
+        """Read poses and velocities of the step's end, and the contacts that acted in it."""
+        if lost := self._world.quarantine.bodies:
+            names = ", ".join(self._scenario.bodies[self._handles.index(one)].name for one in lost)
+            raise AdapterError(f"rapier: quarantined {names}: the state was not finite")
+        self._read_contacts(state)
+        for k in self._moving:
+            body = self._bodies[k]
+            self._position[k], self._orientation[k] = body.translation.to_tuple(), wxyz(body.rotation)
+            state.linear_velocity[k] = body.linvel.to_tuple()
+            state.angular_velocity[k] = body.angvel.to_tuple()
+        state.position[:], state.orientation[:] = self._position, self._orientation
+        for one, hinges in self._posed:
+            one.show(self._moment, state, hinges)
+            links = list(one.links)
+            self._position[links] = state.position[links]
+            self._orientation[links] = state.orientation[links]
+
+    def _read_contacts(self, state: State) -> None:
+        state.clear_contacts()
+        found = []
+        for pair in self._world.narrow_phase.contact_pairs() if self._moment else ():
+            both = self._number[pair.collider1], self._number[pair.collider2]
+            for manifold in pair.manifolds:
+                normal, points = manifold.data.normal.to_tuple(), manifold.points
+                for contact in manifold.data.solver_contacts:
+                    point = points[contact.contact_id & POINT]
+                    places = *point.local_p1.to_tuple(), *point.local_p2.to_tuple()
+                    found.append((*both, *normal, *places, point.impulse, *point.tangent_impulse))
+        if not found:
+            return
+        rows = np.array(found)
+        sides, normal = rows[:, :2].astype(int), rows[:, 2:5]
+        first, second = (
+            self._world_points(sides[:, 0], rows[:, 5:8]),
+            self._world_points(sides[:, 1], rows[:, 8:11]),
+        )
+        along, across = tangents_of(-normal)
+        impulse = rows[:, 11:12] * normal - rows[:, 12:13] * along - rows[:, 13:14] * across
+        distance = ((second - first) * normal).sum(axis=1)
+        acted = (distance <= 0) | (rows[:, 11] > 0)  # others are candidates within the prediction distance
+        a, b = self._owner[sides[acted]].T
+        point = (first + second)[acted] / 2
+        state.add_contacts(a, b, point, normal[acted], distance[acted], impulse[acted])
+
+    def _world_points(self, colliders: Array, local: Array) -> Array:
+        """Points (n, 3) [m] of colliders in the world, at the step's start."""
+        owners = self._owner[colliders]
+        point = self._place[colliders] + turned(self._turn[colliders], local)
+        return self._position[owners] + turned(self._orientation[owners], point)
+
+    def describe(self) -> Manifest:
+        """Manifest as read from the world."""
+        scenario, world = self._scenario, self._world
+        names = [body.name for body in scenario.bodies]
+        return Manifest(
+            engine=RapierEngine.name,
+            version=version("rapier3d"),
+            profile=self._settings.profile,
+            dt=self._settings.dt,
+            settings=facts_of(world, self._settings, self._rules),
+            bodies={names[k]: mass_facts(self._bodies[k]) for k in self._moving},
+            pairs=tuple(
+                PairFacts(names[a], names[b], *self._combined(a, b)) for a, b in scenario.touching_pairs()
+            ),
+            pieces={name: len(body.colliders) for name, body in zip(names, self._bodies)},
+            freedom=6 * len(self._moving),
+        )
+
+    def _combined(self, a: int, b: int) -> tuple[float, float]:
+        """Restitution and friction of two bodies as read from their colliders."""
+        first, second = (self._world.colliders[self._bodies[k].colliders[0]] for k in (a, b))
+        (*_, mix_friction), (*_, mix_restitution) = self._rules
+        friction = mix_friction(first.friction, second.friction)
+        return mix_restitution(first.restitution, second.restitution), friction
+
+    def cross(self) -> None:
+        """Read one number."""
+        _ = self._world.num_threads
+
+    def stage_seconds(self) -> Mapping[str, float]:
+        """Time per stage of the last step from Rapier's counters [s]."""
+        stages = self._world.physics_pipeline.counters.stages
+        return {
+            name: 1e-3 * sum(getattr(stages, f"{one}_time_ms") for one in parts)
+            for name, parts in STAGES.items()
+        }
+
+    def work(self) -> Mapping[str, float]:
+        """Contacts that the last step solved."""
+        return {"contacts": self._world.physics_pipeline.counters.solver.ncontacts}
+
+    def close(self) -> None:
+        """Drop every reference into Rapier, which releases its memory."""
+        del self._bodies, self._world
