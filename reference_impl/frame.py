@@ -78,6 +78,8 @@ DENSE_CALM = 4
 UNPAID_ATTEMPTS, UNPAID_SHARE = 4, 0.25
 """Most repetitions of a substep whose separation adds energy that no motion pays, and the share of its length
 that each takes [1]."""
+SINKING_HALVINGS = 2
+"""Most halvings of a substep for a contact that agrees at its end alone, and sinks there."""
 WAY_ERROR = 1e-7
 """Distance of a driver's links at an impact from the parabolas along which it was searched [m]: a tenth of
 TOUCH_DISTANCE."""
@@ -236,22 +238,28 @@ def _simulate(world):
             note_energy(bodies, state)
         first_held, state["unpaid_energy"] = state["contact_count"], 0.0
         residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
-        whole, state["may_halve"] = h, 1
+        state["may_halve"] = 1
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
         # bodies sink less in a shorter substep, and separation lifts them less
-        for attempt in range(UNPAID_ATTEMPTS):
-            # curved contacts and those of drivers are exact at the end of a substep, not within
-            early = state["halves"] == 1 or (attempt == 0 and fraction < 1 and state["led"] == 1)
-            if state["unpaid_energy"] <= 0 and not early:
+        early, sunk = False, 0
+        for _ in range(UNPAID_ATTEMPTS):
+            if state["halves"] == 1:
+                # what is jammed sinks however short the substep
+                sunk += 1
+                state["may_halve"] = 1 if sunk < SINKING_HALVINGS else 0
+                h *= fraction
+            elif fraction < 1 and not early and (state["led"] == 1 or state["unpaid_energy"] > 0):
+                # curved contacts and those of drivers are exact at the end of a substep, not within
+                early = True
+                h *= fraction
+            elif state["unpaid_energy"] > 0:
+                h *= UNPAID_SHARE * fraction
+            else:
                 break
             begin_again(bodies, joints, drivers)
             state["contact_count"] = first_held
             state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
-            h *= fraction if early else UNPAID_SHARE * fraction
-            if state["halves"] == 1 and attempt == UNPAID_ATTEMPTS - 1:
-                # what is jammed sinks however short the substep
-                h, state["may_halve"] = whole, 0
             h, fraction = _substep(world, touching, time, h)
         state["parted_energy"] += state["unpaid_energy"]
         left -= fraction * h
