@@ -91,6 +91,16 @@ def test_random_scenes_gain_no_energy(profile: str) -> None:
     assert broken(few(profile), LAWS) == []
 
 
+@pytest.mark.parametrize("kind", ["grip", "lift", "drag", "sweep"])
+def test_what_drivers_meet_gains_no_more_than_their_work(kind: str) -> None:
+    """Light and stiff drivers pass through nothing and not through each other, and do the work they say.
+
+    Before substeps were solved up to their events, bodies of seed 77710045 gained more energy than there
+    was, and a tray of seed 77710040 passed through its load; the plates of seed 77710055 passed each other.
+    """
+    assert broken(played("balanced", range(77710040, 77710056), kind=kind), (*LAWS, "overlap", "work")) == []
+
+
 @pytest.mark.parametrize(("profile", "seed"), [("balanced", 31026), ("accurate", 31038)])
 def test_separation_moves_bodies_without_contacts(profile: str, seed: int) -> None:
     """Separation also moves bodies that no contact row touches: they gain no energy and keep their momenta.

@@ -70,6 +70,7 @@ class Mechanism:
 
 
 MECHANISMS: tuple[Mechanism, ...] = (
+    Mechanism("stiff couplings by the radian", "frame", "_until_swing", "1.0"),
     Mechanism("fat bounds", "broad_phase.fat_bounds", "inside_fat_bounds", "False"),
     Mechanism("frames without contact", "broad_phase.fat_bounds", "is_isolated", "False"),
     Mechanism("cached box faces", "geometry.depth_warm_start", "_on_box_face", "False"),
