@@ -213,6 +213,7 @@ ROBUSTNESS: tuple[Limit, ...] = tuple(
         ("non-finite", 0, "contacts do no positive work: velocities are bounded"),
         ("exploded", 0, "contacts do no positive work: energy cannot double"),
         ("tunnelled", 0, "nothing passes through a body"),
+        ("work", 0, "bodies gain no more energy than drivers give them"),
         ("solves.open", 0.005, "all but named cases are solved"),
         ("overlap.max", 1.02e-6, "method, Removal: 1e-6 m, by an oracle good to 1e-8 m"),
         ("momentum.max", 1e-9, "impulses act on both sides, to rounding"),
