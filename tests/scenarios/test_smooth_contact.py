@@ -12,7 +12,16 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.closed_form import motion
-from touchstone.scenarios.scenario import GRAVITY, Body, Ellipsoid, Scenario, ScenarioError, Sphere, Truth
+from touchstone.scenarios.scenario import (
+    GRAVITY,
+    Body,
+    Cylinder,
+    Ellipsoid,
+    Scenario,
+    ScenarioError,
+    Sphere,
+    Truth,
+)
 from touchstone.scenarios.transforms import mirrored, translated
 from touchstone.scenarios.truths.body_motion import Motion
 from touchstone.scenarios.truths.smooth_contact import phases
@@ -47,6 +56,11 @@ def contact_points(scene: Scenario, body: Body, at: Motion) -> tuple[np.ndarray,
         n = apart[nearest, np.arange(len(arm))]
         distance = np.linalg.norm(n, axis=1)
         n, away = n / distance[:, None], distance - unders[0].shape.radius
+    if isinstance(shape, Cylinder):
+        local = turn.inv().apply(n)
+        rim = shape.radius * local[:, :2] / np.linalg.norm(local[:, :2], axis=1)[:, None]
+        deepest = -np.column_stack((rim, shape.half_length * np.sign(local[:, 2])))
+        return n, arm + turn.apply(deepest), away + np.einsum("ni,ni->n", local, deepest)
     half = np.array(shape.half_axes if isinstance(shape, Ellipsoid) else [shape.radius] * 3)
     local = turn.inv().apply(n)
     depth = np.linalg.norm(half * local, axis=1)
