@@ -238,7 +238,7 @@ def _simulate(world):
             note_energy(bodies, state)
         first_held, state["unpaid_energy"] = state["contact_count"], 0.0
         residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
-        state["may_halve"] = state["driven_loop"]
+        state["may_halve"] = 1
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
         # bodies sink less in a shorter substep, and separation lifts them less

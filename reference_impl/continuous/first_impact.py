@@ -76,7 +76,8 @@ def earliest_impact(world, touching, end, until, fast):
         before = first
         if marked:
             fraction, sank = _sinking(moving, first, swept)
-            if agrees and fraction < first and state["may_halve"] == 1:
+            swings = _swings(a, world.drivers) or _swings(b, world.drivers)
+            if agrees and swings and fraction < first and state["may_halve"] == 1:
                 # it may sink within a substep at whose end it agrees: when it does says nothing
                 state["halves"], fraction = 1, max(fraction, AGREEING_SHARE * first)
             first, drifted = min(first, fraction), drifted or sank
@@ -94,6 +95,14 @@ def _agrees_at_end(body, drivers):
     if body["kind"] == DRIVEN and body["moves"] == 1 and drivers[body["driver"]]["leads"] == 1:
         return True
     return body["led"] == 1
+
+
+@kernel
+def _swings(body, drivers):
+    """Whether a body is a driver on a coupling of its own: hinges of chains are damped critically."""
+    if body["kind"] != DRIVEN:
+        return False
+    return drivers[body["driver"]]["prescribed"] == 0 and drivers[body["driver"]]["chain_count"] == 0
 
 
 @kernel
