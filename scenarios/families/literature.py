@@ -351,7 +351,7 @@ def euler_discs() -> Scenario:
 
 PLATED = (1.0, 2.0, 3.0)
 """Masses of the cubes on the force plate [kg]."""
-CUBES, METS = 0.05, 1.0
+CUBES, IMPACT_SPEED = 0.05, 1.0
 """Half extent of a cube [m], and speed with which it arrives [m/s]."""
 LANDED = 0.5
 """Time within which the cubes come to rest, and that for which they then rest [s]."""
@@ -367,8 +367,8 @@ def force_plate() -> Scenario:
     bodies, published = [slab("plate", "steel")], []
     for k, mass in enumerate(PLATED):
         name, place = f"cube_{mass:g}", (0.5 * k, 0.0, CUBES)
-        bodies.append(block(name, "rubber", (CUBES,) * 3, mass, place, velocity=(0.0, 0.0, -METS)))
-        for does, start, gained in (("lands", 0.0, METS / LANDED), ("rests", LANDED, 0.0)):
+        bodies.append(block(name, "rubber", (CUBES,) * 3, mass, place, velocity=(0.0, 0.0, -IMPACT_SPEED)))
+        for does, start, gained in (("lands", 0.0, IMPACT_SPEED / LANDED), ("rests", LANDED, 0.0)):
             value = mass * (GRAVITY + gained)
             window = start, start + LANDED
             published.append(

@@ -9,7 +9,7 @@ _MOST = 1e6
 _SWITCH = {"no": 0, "yes": 1}
 
 
-def _same(value: str) -> tuple[str, ...]:
+def _all(value: str) -> tuple[str, ...]:
     return (value,) * len(ENTRY.profiles)
 
 
@@ -23,25 +23,25 @@ SETTINGS = Table(
             "friction of a manifold of up to four points: at its centre, with a twist, or at each point",
         ),
         Range("num_solver_iterations", 1, _MOST, "", ("12", "4", "12"), "substeps of a step"),
-        Range("num_internal_pgs_iterations", 1, _MOST, "", _same("1"), "iterations of a substep"),
+        Range("num_internal_pgs_iterations", 1, _MOST, "", _all("1"), "iterations of a substep"),
         Range(
             "num_internal_stabilization_iterations",
             0,
             _MOST,
             "",
-            _same("1"),
+            _all("1"),
             "iterations of a substep without the speed that removes overlap; with 0 it stays in the velocity",
         ),
-        Choice("friction_in_bias_pass", _SWITCH, _same("no"), "friction while overlap is removed, too"),
-        Range("warmstart_coefficient", 0, 1, "", _same("1.0"), "part of the last impulses", whole=False),
-        Range("contact_frequency", 0, _MOST, "Hz", _same("30.0"), "of contacts as springs", whole=False),
-        Range("contact_damping_ratio", 0, _MOST, "", _same("10.0"), "of contacts as springs", whole=False),
+        Choice("friction_in_bias_pass", _SWITCH, _all("no"), "friction while overlap is removed, too"),
+        Range("warmstart_coefficient", 0, 1, "", _all("1.0"), "part of the last impulses", whole=False),
+        Range("contact_frequency", 0, _MOST, "Hz", _all("30.0"), "of contacts as springs", whole=False),
+        Range("contact_damping_ratio", 0, _MOST, "", _all("10.0"), "of contacts as springs", whole=False),
         Range(
             "static_contact_frequency",
             0,
             _MOST,
             "Hz",
-            _same("60.0"),
+            _all("60.0"),
             "of contacts with fixed bodies as springs",
             whole=False,
         ),
@@ -50,7 +50,7 @@ SETTINGS = Table(
             0,
             _MOST,
             "",
-            _same("10.0"),
+            _all("10.0"),
             "of contacts with fixed bodies as springs",
             whole=False,
         ),
@@ -59,7 +59,7 @@ SETTINGS = Table(
             0,
             _MOST,
             "m/s",
-            _same("3.0"),
+            _all("3.0"),
             "largest speed that removes overlap",
             whole=False,
         ),
@@ -68,19 +68,19 @@ SETTINGS = Table(
             0,
             10,
             "m",
-            _same("0.02"),
+            _all("0.02"),
             "gap from which on contacts are solved",
             whole=False,
         ),
-        Range("max_ccd_substeps", 0, 1000, "", _same("1"), "of continuous detection; 0: none"),
-        Choice("ccd_enabled", _SWITCH, _same("no"), "continuous detection between moving bodies, too"),
+        Range("max_ccd_substeps", 0, 1000, "", _all("1"), "of continuous detection; 0: none"),
+        Choice("ccd_enabled", _SWITCH, _all("no"), "continuous detection between moving bodies, too"),
         Choice(
             "contact_recycling",
             _SWITCH,
             ("yes", "yes", "no"),
             "keep contacts of pairs that moved by up to 5 cm",
         ),
-        Choice("allow_fast_rotation", _SWITCH, _same("no"), "no: at most 45 degrees of rotation a step"),
-        Choice("gyroscopic_forces", _SWITCH, _same("yes"), "torque of the spin of unequal inertias"),
+        Choice("allow_fast_rotation", _SWITCH, _all("no"), "no: at most 45 degrees of rotation a step"),
+        Choice("gyroscopic_forces", _SWITCH, _all("yes"), "torque of the spin of unequal inertias"),
     ),
 )
