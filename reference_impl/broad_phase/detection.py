@@ -147,8 +147,8 @@ def mark_pressed(bodies, drivers, pairs, first, end):
 
 @kernel
 def find_stops(world, first, kind):
-    """Find the pairs of pressed drivers with fixed and driven bodies whose boxes overlap, and write them from
-    `pairs[first]`: forces in the simulated loop may not push a driver into these.
+    """Find the pairs of pressed drivers with fixed and driven bodies, links of their own too, whose boxes
+    overlap, and write them from `pairs[first]`: forces in the simulated loop may not push a driver into these.
 
     Args:
         kind: PRESSED, or NEWLY_PRESSED for the pairs in which no driver was pressed before.
@@ -166,7 +166,9 @@ def find_stops(world, first, kind):
     end = first
     for k in range(first, found):
         a, b = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]]
-        if a["kind"] == SIMULATED or b["kind"] == SIMULATED or a["driver"] == b["driver"]:
+        if a["kind"] == SIMULATED or b["kind"] == SIMULATED:
+            continue
+        if state["self_collision"] == 1 and are_adjacent(bodies, pairs[k]["body_a"], pairs[k]["body_b"]):
             continue
         one, two = _pressed(drivers, a), _pressed(drivers, b)
         if (one == kind or two == kind) and (kind == PRESSED or (one != PRESSED and two != PRESSED)):

@@ -10,7 +10,9 @@ from touchstone.reference_impl.broad_phase.detection import (
     place_listed,
 )
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
+from touchstone.reference_impl.continuous.hinge_motion import exchange_rates
 from touchstone.reference_impl.core.conventions import (
+    NO_FLOOR,
     NO_MOTION,
     OVERLAP_TOLERANCE,
     REMOVAL_ROUNDS,
@@ -21,7 +23,7 @@ from touchstone.reference_impl.core.counters import CAP_SEPARATION_SWEEPS, COUNT
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of, turn
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
-from touchstone.reference_impl.kinematics.skeleton import place, pose_links
+from touchstone.reference_impl.kinematics.skeleton import move_links, place, pose_links
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.mobility import place_contact
 
@@ -65,6 +67,7 @@ def separate_simulated(world, first):
         if together:
             _move_together(world, first, end, left, LEVERAGE * deepest)
         else:
+            _turn_apart(world, first, end, left)
             converged = _push_apart(world, first, end, left, not converged)
             if not converged:
                 state["counters"][CAP_SEPARATION_SWEEPS] += 1
@@ -111,6 +114,8 @@ def _push_apart(world, first, end, left, evenly):
     for sweep in range(SEPARATION_SWEEPS):
         deepest = 0.0
         for k in range(first, end):
+            if _is_own(bodies, pairs[k]):
+                continue
             a, b, n = bodies[pairs[k]["body_a"]], bodies[pairs[k]["body_b"]], pairs[k]["normal"]
             p, u = _motion_of(bodies, drivers, a)
             q, v = _motion_of(bodies, drivers, b)
@@ -151,6 +156,67 @@ def _motion_of(bodies, drivers, body):
         driver = drivers[body["driver"]]
         return bodies[driver["root"]]["scratch"][0], driver["inverse_mass"]
     return body["scratch"][0], body["inverse_mass"]
+
+
+@kernel
+def _is_own(bodies, pair):
+    """Whether a pair is of two links of one driver."""
+    return bodies[pair["body_a"]]["driver"] == bodies[pair["body_b"]]["driver"] >= 0
+
+
+@kernel
+def _turn_apart(world, first, end, left):
+    """Move the links of drivers by the least motion of their hinges after which no two links of one driver
+    overlap by more than `left` along the detected normals. As in `_move_together`, the velocities that the
+    solver finds at rest are the motion."""
+    bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
+    rows, count, found = world.pairs[first:], end - first, False
+    for k in range(count):
+        found = found or (_is_own(bodies, rows[k]) and rows[k]["depth"] > left)
+    if not found:
+        return
+    residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
+    for d in range(len(drivers)):
+        if drivers[d]["loops"] == 1:
+            _exchange_velocities(bodies, joints, drivers[d], True)
+    for k in range(count):
+        pair = rows[k]
+        place_contact(pair, 0.5)
+        pair["friction"] = 0.0
+        pair["surface_a"][:] = pair["surface_b"][:] = NO_MOTION
+        begin_row(bodies, pair, pair["depth"] - left if _is_own(bodies, pair) else NO_FLOOR)
+    state["separates"] = 1
+    solve_contacts(bodies, joints, drivers, rows, count, False, state)
+    state["separates"] = 0
+    for d in range(len(drivers)):
+        driver = drivers[d]
+        if driver["loops"] == 1:
+            v, w = driver["velocity"], driver["omega"]
+            turn(driver["orientation"], w[0], w[1], w[2], driver["orientation"])
+            for i in range(3):
+                driver["position"][i] += v[i]
+            for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+                joints[k]["angle"] += joints[k]["rate"]
+                joints[k]["offset"] += joints[k]["rate"]
+                joints[k]["offset_rate"] -= joints[k]["rate"]
+            pose_links(bodies, joints, driver)
+            _exchange_velocities(bodies, joints, driver, False)
+    state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
+
+
+@kernel
+def _exchange_velocities(bodies, joints, driver, stops):
+    """Exchange the velocities of a driver with those kept, which are zero at first if it `stops`."""
+    kept = driver["scratch"]
+    if stops:
+        kept[:] = 0.0
+        for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+            joints[k]["lead_rate"] = 0.0
+    for i in range(3):
+        driver["velocity"][i], kept[1, i] = kept[1, i], driver["velocity"][i]
+        driver["omega"][i], kept[2, i] = kept[2, i], driver["omega"][i]
+    exchange_rates(joints, driver)
+    move_links(bodies, joints, driver)
 
 
 @kernel
