@@ -147,8 +147,8 @@ def mark_pressed(bodies, drivers, pairs, first, end):
 
 @kernel
 def find_stops(world, first, kind):
-    """Find the pairs of pressed drivers with fixed and driven bodies, links of their own too, whose boxes
-    overlap, and write them from `pairs[first]`: forces in the simulated loop may not push a driver into these.
+    """Find the pairs of pressed drivers with fixed and driven bodies, own links too, whose boxes overlap,
+    and write them from `pairs[first]`: forces in the simulated loop may not push a driver into these.
 
     Args:
         kind: PRESSED, or NEWLY_PRESSED for the pairs in which no driver was pressed before.

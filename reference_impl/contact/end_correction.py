@@ -20,7 +20,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
 )
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
-from touchstone.reference_impl.core.conventions import GAP_LEFT, NO_FLOOR, SIMULATED
+from touchstone.reference_impl.core.conventions import GAP_LEFT, NO_FLOOR, SIMULATED, SINKING_DEPTH
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import (
     column,
@@ -63,7 +63,7 @@ def correct_ends(world, count, h, last):
         if pair["curved"] == 1 and pair["floor"] != NO_FLOOR:
             a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
             if _end_geometry(world, a, b, pair, found):
-                error = max(error, _correct(a, b, pair, found, h, last))
+                error = max(error, _correct(a, b, pair, found, h, world.state["dt"], last))
             pose_along(a, 0.0)
             pose_along(b, 0.0)
     return error
@@ -144,8 +144,9 @@ def _in_world(body, v, place):
 
 
 @kernel
-def _correct(a, b, pair, found, h, last):
-    """Correct a row by the pair `found` at the end of the substep; returns its error [m]."""
+def _correct(a, b, pair, found, h, dt, last):
+    """Correct a row by the pair `found` at the end of the substep of a frame of length dt; returns its error
+    [m]."""
     n, m, middle = pair["start_normal"], found["normal"], pair["normal"]
     cos = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
     if cos <= 0:
@@ -155,7 +156,7 @@ def _correct(a, b, pair, found, h, last):
     vx, vy, vz = _end_velocity(a, found)
     ux, uy, uz = ux - vx, uy - vy, uz - vz
     closing = m[0] * ux + m[1] * uy + m[2] * uz
-    p, gap = pair["resting_impulse"], found["distance"] - GAP_LEFT
+    p, gap = pair["resting_impulse"], found["distance"] - gap_aimed(pair, h, dt)
     error = max(abs(gap), abs(closing) * h)
     if p[0] == 0 and p[1] == 0 and p[2] == 0:
         error = max(0.0, -gap)
@@ -181,6 +182,13 @@ def _correct(a, b, pair, found, h, last):
     way = middle[0] * (x - vx) + middle[1] * (y - vy) + middle[2] * (z - vz)
     pair["gap_error"] = found["distance"] - pair["distance"] - h * way
     return error
+
+
+@kernel
+def gap_aimed(pair, h, dt):
+    """Gap of a contact at the end of a substep of length h [m]. An overlap is taken back evenly over a frame
+    of length dt: at once, in a short substep, it would ask for any speed."""
+    return GAP_LEFT - (1 - h / dt) * max(0.0, GAP_LEFT - max(pair["distance"], -SINKING_DEPTH))
 
 
 @kernel

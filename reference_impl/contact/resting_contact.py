@@ -10,7 +10,12 @@ from touchstone.reference_impl.contact.contact_events import (
     slip_turn_share,
 )
 from touchstone.reference_impl.contact.contact_log import log_held
-from touchstone.reference_impl.contact.end_correction import END_ERROR, correct_ends, friction_work
+from touchstone.reference_impl.contact.end_correction import (
+    END_ERROR,
+    correct_ends,
+    friction_work,
+    gap_aimed,
+)
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
 from touchstone.reference_impl.continuous.contact_motion import (
@@ -32,7 +37,6 @@ from touchstone.reference_impl.continuous.driver_motion import (
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
-    GAP_LEFT,
     NEVER,
     NO_FLOOR,
     SINKING_DEPTH,
@@ -395,7 +399,7 @@ def _solve_positions(world, count, h):
         begin_again(bodies, joints, drivers)
         apply_forces(bodies, joints, drivers, 1.0, h, state)
         for k in range(count):
-            _ask_positions(bodies, pairs[k], h)
+            _ask_positions(bodies, pairs[k], h, state["dt"])
         state["lead"] = 1.0
         solve_contacts(bodies, joints, drivers, pairs, count, True, state)
         state["lead"] = 0.0
@@ -442,8 +446,9 @@ def _mark_led(bodies, drivers, pairs, count):
 
 
 @kernel
-def _ask_positions(bodies, pair, h):
-    """Set the floor of a row in the law of positions: twice the speed at which its gap may close."""
+def _ask_positions(bodies, pair, h, dt):
+    """Set the floor of a row in the law of positions: twice the speed at which its gap may close to
+    `gap_aimed`."""
     copy_vector(pair["resting_impulse"], pair["spare"])
     pair["held_floor"] = pair["floor"]
     if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
@@ -453,4 +458,4 @@ def _ask_positions(bodies, pair, h):
         a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
         for i in range(3):
             gap += n[i] * (b["curve"][i] - a["curve"][i])
-        pair["floor"] = -2 * (gap - GAP_LEFT) / h
+        pair["floor"] = -2 * (gap - gap_aimed(pair, h, dt)) / h

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import inf, isnan, nan
+from math import inf, isnan, nan, sqrt
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from touchstone.reports.verdict.figures import available_energy, finite, momentu
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.difficulty.checks import Checks
 from touchstone.scenarios.random_scenes.bodies import support
-from touchstone.scenarios.scenario import Scenario, Tracker
+from touchstone.scenarios.scenario import Scenario
 
 CLASSES = {
     "skipped": "the engine cannot represent the scene, or is not installed",
@@ -351,9 +351,7 @@ def judge_random(
     u = available_energy(scenario, lowest_points(scenario))
     rise, gain = _energies(context, depth, u)
     given = _beyond_work(context, u)
-    moving = [*context.simulated, *(scenario.body_index(tracker.root) for tracker in scenario.trackers)]
-    speed = float(np.abs(recording.linear_velocity[:, moving]).max(initial=0.0))
-    exploded = speed > _fastest(scenario) if context.drives.any() else gain > EXPLODED
+    exploded = _too_fast(context) if context.drives.any() else gain > EXPLODED
     found |= {
         "rise": rise,
         "gain": gain,
@@ -422,16 +420,25 @@ def _unconverged_work(context: Context) -> float:
     return float(residual @ np.bincount(context.contact_frame, sizes, len(residual))[: len(residual)])
 
 
-def _fastest(scenario: Scenario) -> float:
-    """Speed of a body from which a run with drivers counts as exploded [m/s]. A tracker that jumps by d gives
-    its driver at most the speed R d / m of the damper (Eq. 6)."""
+def _too_fast(context: Context) -> bool:
+    """Whether a body moves faster than drivers explain. A tracker that jumps by d gives its driver at most
+    the speed R d / m of the damper (Eq. 6), and a coupling that was x long sqrt(K / m) x."""
+    scenario, recording = context.scenario, context.recording
+    speeds = np.abs(recording.linear_velocity).max(axis=2)
     times = np.linspace(0.0, scenario.duration, 8 * scenario.frame_count + 1)  # a sweep may take a frame
-    paces = [0.0]
+    limit, whips = EXPLODED_SPEED, []
     for tracker in scenario.trackers:
+        root = scenario.body_index(tracker.root)
+        mass = sum(scenario.bodies[k].mass for k in scenario.links(tracker))
         if tracker.interpolation == "held":
             jumps = np.linalg.norm(np.diff(np.array(tracker.positions), axis=0), axis=1)
-            mass = sum(scenario.bodies[k].mass for k in scenario.links(tracker))
-            paces.append(float(jumps.max(initial=0.0)) * tracker.damping / mass)
+            pace = float(jumps.max(initial=0.0)) * tracker.damping / mass
         else:
-            paces.append(float(np.abs(sample(tracker, times).linear_velocity).max()))
-    return max(EXPLODED_SPEED, EXPLODED_PACE * max(paces))
+            pace = float(np.abs(sample(tracker, times).linear_velocity).max())
+        limit = max(limit, EXPLODED_PACE * pace)
+        if not scenario.prescribes(tracker):
+            away = sample(tracker, recording.time).position - recording.position[:, root]
+            longest = np.maximum.accumulate(np.linalg.norm(away, axis=1))
+            whips.append((speeds[1:, root], sqrt(tracker.stiffness / mass) * longest[:-1]))
+    whipped = any((speed > np.maximum(limit, whip)).any() for speed, whip in whips)
+    return whipped or bool(speeds[:, context.simulated].max(initial=0.0) > limit)
