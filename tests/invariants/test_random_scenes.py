@@ -91,14 +91,19 @@ def test_random_scenes_gain_no_energy(profile: str) -> None:
     assert broken(few(profile), LAWS) == []
 
 
-@pytest.mark.parametrize("kind", ["grip", "lift", "drag", "sweep"])
-def test_what_drivers_meet_gains_no_more_than_their_work(kind: str) -> None:
-    """Light and stiff drivers pass through nothing and not through each other, and do the work they say.
+@pytest.mark.parametrize(
+    ("kind", "first"),
+    [("grip", 77710040), ("lift", 77710040), ("drag", 77710040), ("sweep", 77710040), ("person", 98000040)],
+)
+def test_what_drivers_meet_gains_no_more_than_their_work(kind: str, first: int) -> None:
+    """Light and stiff drivers pass through nothing and not through each other, and do the work they say;
+    limbs that bodies push pass into no other.
 
     Before substeps were solved up to their events, bodies of seed 77710045 gained more energy than there
-    was, and a tray of seed 77710040 passed through its load; the plates of seed 77710055 passed each other.
+    was, and a tray of seed 77710040 passed through its load; the plates of seed 77710055 passed each other,
+    and a foot of seed 98000055 sank by 17 mm into a shank.
     """
-    assert broken(played("balanced", range(77710040, 77710056), kind=kind)) == []
+    assert broken(played("balanced", range(first, first + 16), kind=kind)) == []
 
 
 @pytest.mark.parametrize(("profile", "seed"), [("balanced", 31026), ("accurate", 31038)])

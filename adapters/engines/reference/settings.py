@@ -30,7 +30,7 @@ _TABLE: tuple[Setting, ...] = (
         0,
         1e3,
         "m/s",
-        ("0.01", "0.001"),
+        ("0.009", "0.001"),
         "approach speed up to which nothing bounces, where 2 g h of a frame is not less",
         whole=False,
     ),

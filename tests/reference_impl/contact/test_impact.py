@@ -20,6 +20,19 @@ def test_restitution_fades_towards_rest() -> None:
     assert resting_restitution(0.8, 0.1, 0.0) == 0.8
 
 
+@pytest.mark.parametrize("e", [0.3, 0.5, 1.0])
+def test_slow_impacts_bounce(lab: SimpleNamespace, e: float) -> None:
+    """Return e, within 2 %, of an approach at 0.02 m/s."""
+    drop = 1e-5
+    speed = np.sqrt(0.02**2 - 2 * 9.81 * drop)
+    ball = lab.ball("ball", (0.0, 0.0, 0.05 + drop), linear_velocity=(0.0, 0.0, -speed))
+    world = lab.build(lab.scene(ball, lab.ground(), e=e))
+    lab.play(world, 1)
+    first = world.contacts[0]
+    assert first["velocity_a_before"][2] == pytest.approx(-0.02, rel=0.02)
+    assert first["velocity_a_after"][2] == pytest.approx(-e * first["velocity_a_before"][2], rel=0.02)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_boxes_that_meet_gain_no_energy(lab: SimpleNamespace, seed: int) -> None:
     """Keep both momenta of two tumbling boxes to rounding, and never gain energy at e = 1."""
