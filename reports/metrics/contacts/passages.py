@@ -12,6 +12,7 @@ deep part lies between two frames, the path is unknown; it counts as a passage o
 Reported contacts hide no passage that the first two conditions prove. The last two prove nothing if the spin
 of a piece that is no ball changed within the frame: it tumbles or was struck, so its orientation on the way
 is unknown. Nor do they if a body moved otherwise than one change of its velocity explains: others struck it.
+Nothing is proved of a driver whose coupling swings by more than a radian within the frame.
 
 Signed distance of two pieces during the motion of their bodies between displayed frames.
 
@@ -57,6 +58,10 @@ UNBOUNDED = 1e3
 """Depth from which the oracle's answer is invalid [m]: it returns 1.8e308 for some nested pieces."""
 
 
+LARGE_TURN = 1.0
+"""Turn within a frame from which a ball bounds a piece [rad]: extents at the turn's ends are not enough."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sample:
     """The pair at one moment of a motion: `time` in frames, signed distance [m], and the unit normal from
@@ -92,7 +97,7 @@ class Motions:
 
     def __init__(self, context: Context) -> None:
         self._recording, self.frame = context.recording, context.frame
-        self.bodies = context.scenario.bodies
+        self._scenario, self.bodies = context.scenario, context.scenario.bodies
         self.center = context.mass_centers
         turns = Rotation.from_quat(self._recording.orientation.reshape(-1, 4), scalar_first=True)
         frames, count = self._recording.orientation.shape[:2]
@@ -115,6 +120,17 @@ class Motions:
             axis = np.where(angle > 1e-9, least / angle, np.where(pace > 0, expected / pace, 0.0))
         rounds = np.round((np.sum(axis * expected, axis=2, keepdims=True) - angle) / (2 * np.pi))
         return np.asarray(least + 2 * np.pi * rounds * axis)
+
+    @cached_property
+    def swinging(self) -> frozenset[int]:
+        """Links of the drivers whose coupling, sqrt(K / m), turns by more than LARGE_TURN in a frame."""
+        found: set[int] = set()
+        for tracker in self._scenario.trackers:
+            links = self._scenario.links(tracker)
+            stiffest = tracker.stiffness * self.frame**2
+            if stiffest > LARGE_TURN**2 * sum(self.bodies[k].mass for k in links):
+                found.update(() if self._scenario.prescribes(tracker) else links)
+        return frozenset(found)
 
     def chord(self, body: int, frame: int) -> Step:
         """The straight step from a frame to the next."""
@@ -276,10 +292,6 @@ def _oracle_shape(shape: Shape) -> object:
     from touchstone.adapters.oracles.overlap import coal_shape
 
     return coal_shape(shape)
-
-
-LARGE_TURN = 1.0
-"""Turn within a frame from which a ball bounds a piece [rad]: extents at the turn's ends are not enough."""
 
 
 class SweptPairs:
@@ -509,6 +521,8 @@ def _encounters(pair: Pair, steps: set[int], level: float) -> Iterator[list[Samp
 
 def _sure(context: Context, pair: Pair, frame: int, deepest: Sample) -> bool:
     """Whether the bodies certainly passed through each other between two frames in which they are apart."""
+    if not pair.motions.swinging.isdisjoint(pair.bodies):
+        return False
     if _cannot_go_round(context, pair, frame, deepest):
         return True
     motions, (a, b) = pair.motions, pair.bodies
