@@ -88,6 +88,7 @@ MECHANISMS: tuple[Mechanism, ...] = (
     Mechanism("limits of hinges as rows", "contact.resting_contact", "_find_limits", "False"),
     Mechanism("energy guard", "contact.energy_guard", "guard_energy"),
     Mechanism("separation", "contact.separation", "separate_simulated", "first"),
+    Mechanism("separation of limbs", "contact.separation", "_turn_apart"),
     Mechanism("separation along all points", "contact.separation", "_move_together", "False"),
     Mechanism("warm start of impulses", "solver.warm_start", "load_impulse"),
     Mechanism("even load of faces", "solver.face_load", "find_faces"),
