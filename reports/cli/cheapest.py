@@ -71,7 +71,7 @@ def cheapest(
     )
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
     from touchstone.reports.studies.work_precision.study import StudyCells, measure
-    from touchstone.reports.sweep.store import StoreError
+    from touchstone.reports.runner.store import StoreError
     from touchstone.scenarios.catalogue import catalogue
 
     scene = catalogue()[known("scenario", scenario, catalogue())]
@@ -231,8 +231,8 @@ def tune(
     from touchstone.reports.studies.study import RefusedError
     from touchstone.reports.studies.tuning import Asked, Search
     from touchstone.reports.studies.work_precision.cheapest import TIME
-    from touchstone.reports.sweep.clusters import ClusterError, DaskPool
-    from touchstone.reports.sweep.store import StoreError
+    from touchstone.reports.runner.clusters import ClusterError, DaskPool
+    from touchstone.reports.runner.store import StoreError
 
     if not engine:
         stop("tune: name the engine whose settings are searched, such as --engine mujoco", BAD_INPUT)

@@ -25,8 +25,8 @@ from touchstone.reports.results import Row
 from touchstone.reports.run.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY
 from touchstone.reports.studies.work_precision.definitions import HORIZON_DISTANCE, PERTURBED_SEEDS
 from touchstone.reports.studies.work_precision.errors import closed_path
-from touchstone.reports.sweep.cells import PERTURBATION
-from touchstone.reports.sweep.measures import moving
+from touchstone.reports.runner.cells import PERTURBATION
+from touchstone.reports.runner.measures import moving
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import perturbed
 

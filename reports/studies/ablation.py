@@ -31,7 +31,7 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured
 from touchstone.reports.studies.study import RefusedError, kept, with_interval
-from touchstone.reports.studies.tasks import Ended, own_step, played
+from touchstone.reports.runner.tasks import Ended, own_step, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import EXACT, judge, judge_random
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes, panels

@@ -31,7 +31,7 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.request import step_text
 from touchstone.reports.studies.study import RefusedError, failures, kept, missing_rows
-from touchstone.reports.studies.tasks import (
+from touchstone.reports.runner.tasks import (
     PROCESSES,
     Ended,
     Task,
@@ -48,8 +48,8 @@ from touchstone.reports.studies.work_precision.definitions import (
 )
 from touchstone.reports.studies.work_precision.errors import errors_of
 from touchstone.reports.studies.work_precision.points import SweptRuns
-from touchstone.reports.sweep.cells import Cell, grid
-from touchstone.reports.sweep.sweep import sweep
+from touchstone.reports.runner.cells import Cell, grid
+from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number

@@ -32,7 +32,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.study import kept, missing_rows, with_interval
-from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, played
+from touchstone.reports.runner.tasks import Ended, Task, own_profile, own_settings, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, marker_of
 from touchstone.reports.views.render import Part

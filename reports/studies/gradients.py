@@ -24,7 +24,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows, with_interval
-from touchstone.reports.studies.tasks import Ended, played
+from touchstone.reports.runner.tasks import Ended, played
 from touchstone.reports.views.pictures import INK, PALE, figure, headline
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Scenario

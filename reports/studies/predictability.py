@@ -28,8 +28,8 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.study import failures, kept, missing_rows, with_interval
-from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, own_step, played
-from touchstone.reports.sweep.measures import moving
+from touchstone.reports.runner.tasks import Ended, Task, own_profile, own_settings, own_step, played
+from touchstone.reports.runner.measures import moving
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import (
     INK,

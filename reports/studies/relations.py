@@ -25,7 +25,7 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
-from touchstone.reports.studies.tasks import Ended, Task, played
+from touchstone.reports.runner.tasks import Ended, Task, played
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, marker_of, open_axes
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import tagged

@@ -24,8 +24,8 @@ from touchstone.reports.studies.work_precision.cheapest import TIME, MeasuredSet
 from touchstone.reports.studies.work_precision.definitions import QUANTITIES, truth_cells
 from touchstone.reports.studies.work_precision.errors import TrueMotion, closed_path, errors_of
 from touchstone.reports.studies.work_precision.points import SweptRuns, band, reproduce, timing_cell
-from touchstone.reports.sweep.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
-from touchstone.reports.sweep.sweep import Executor, TimingRounds, sweep
+from touchstone.reports.runner.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
+from touchstone.reports.runner.sweep import Executor, TimingRounds, sweep
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 

@@ -42,7 +42,7 @@ STANDS_FOR = {
 NOT_RUN = {
     "touchstone versions": "downloads wheels; tests/reports/versions",
     "touchstone view runs/versions-TIME": "needs the versions of a package index; tests/reports/versions",
-    "touchstone sweep --tag probe --dask": "needs a cluster; tests/reports/sweep",
+    "touchstone sweep --tag probe --dask": "needs a cluster; tests/reports/runner",
     "touchstone failings measure": "writes the table of a checkout; tests/reports/verdict/test_failings.py",
     "touchstone env add": "downloads 600 MB; tests/reports/cli/test_own_environments.py",
     "touchstone docs": "writes the pages of a checkout; tests/reports/cli/test_docs.py",

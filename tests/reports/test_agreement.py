@@ -15,11 +15,11 @@ from touchstone.adapters.contract import Unsupported
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies import agreement, study
 from touchstone.reports.studies.agreement import LADDER, Trajectory, order_of, report, run
-from touchstone.reports.studies.tasks import Task, refusable
+from touchstone.reports.runner.tasks import Task, refusable
 from touchstone.reports.studies.work_precision import definitions
 from touchstone.reports.studies.work_precision.errors import CellRun
 from touchstone.reports.studies.work_precision.points import SweptRuns
-from touchstone.reports.sweep.cells import Cell
+from touchstone.reports.runner.cells import Cell
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion

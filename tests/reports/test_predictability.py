@@ -19,7 +19,7 @@ from touchstone.reports.studies.predictability import (
     run,
     touching,
 )
-from touchstone.reports.studies.tasks import Task, refusable
+from touchstone.reports.runner.tasks import Task, refusable
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form_ends import final_positions

@@ -33,7 +33,7 @@ from touchstone.reports.studies.stability.study import (
     step_picture,
     table_of_cells,
 )
-from touchstone.reports.studies.tasks import own_step
+from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, Outcome
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.difficulty.family import families, hard_names, hard_scene

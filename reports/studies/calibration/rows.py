@@ -25,7 +25,7 @@ from touchstone.reports.studies.calibration.probes import (
     restitution_of,
     slow_friction_of,
 )
-from touchstone.reports.studies.tasks import Ended, own_step
+from touchstone.reports.runner.tasks import Ended, own_step
 
 STUDY = "calibration"
 ALL = "all"

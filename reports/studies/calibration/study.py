@@ -34,7 +34,7 @@ from touchstone.reports.studies.calibration.probes import (
 )
 from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
 from touchstone.reports.studies.study import Column, failure_lines, failures, kept, missing_rows
-from touchstone.reports.studies.tasks import own_step, played
+from touchstone.reports.runner.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes
 from touchstone.reports.views.render import Part, markdown

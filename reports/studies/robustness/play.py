@@ -7,7 +7,7 @@ from time import process_time
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsupported
 from touchstone.adapters.recorder import Player, ready
-from touchstone.reports.studies.tasks import Ended, Task
+from touchstone.reports.runner.tasks import Ended, Task
 from touchstone.reports.verdict.outcomes import (
     EXACT,
     FIRST_ORDER,

@@ -30,7 +30,7 @@ from touchstone.reports.studies.robustness.play import (
     assessment_of,
 )
 from touchstone.reports.studies.study import Column, kept, missing_rows
-from touchstone.reports.studies.tasks import own_step, played
+from touchstone.reports.runner.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import COUNTERS, EXACT, RANDOM_CLASSES, Assessment
 from touchstone.reports.views.pictures import (

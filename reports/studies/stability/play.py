@@ -22,11 +22,11 @@ from touchstone.reports.metrics.solver import state_hash
 from touchstone.reports.results import Row
 from touchstone.reports.run.request import step_text
 from touchstone.reports.studies.study import Column
-from touchstone.reports.studies.tasks import own_step
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.measures import Measured, base_row
-from touchstone.reports.sweep.sweep import sweep
+from touchstone.reports.runner.tasks import own_step
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.content_hash import hash_of
+from touchstone.reports.runner.measures import Measured, base_row
+from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.verdict import figures, outcomes
 from touchstone.reports.verdict.outcomes import Outcome, judge
 from touchstone.scenarios.difficulty.checks import Checks

@@ -32,8 +32,8 @@ from touchstone.reports.studies.stability.play import (
 )
 from touchstone.reports.studies.stability.sheet import write_sheets
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
-from touchstone.reports.studies.tasks import own_step
-from touchstone.reports.sweep.cells import Cell
+from touchstone.reports.runner.tasks import own_step
+from touchstone.reports.runner.cells import Cell
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SILENT, SURVIVED
 from touchstone.reports.views.pictures import INK, PALE, figure
 from touchstone.reports.views.render import Part

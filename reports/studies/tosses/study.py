@@ -31,7 +31,7 @@ from touchstone.reports.studies.study import (
     missing_rows,
     with_interval,
 )
-from touchstone.reports.studies.tasks import Ended, played
+from touchstone.reports.runner.tasks import Ended, played
 from touchstone.reports.studies.tosses.measured import Box, Toss
 from touchstone.reports.studies.tosses.playing import (
     NEAR_FRICTIONS,

@@ -30,9 +30,9 @@ from touchstone.reports.studies.work_precision.errors import (
     run_of,
     truth_of,
 )
-from touchstone.reports.sweep.cells import TIMING, Cell, grid, scene_of
-from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.measures import FRAMES
+from touchstone.reports.runner.cells import TIMING, Cell, grid, scene_of
+from touchstone.reports.runner.content_hash import hash_of
+from touchstone.reports.runner.measures import FRAMES
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 

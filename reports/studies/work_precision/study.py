@@ -34,9 +34,9 @@ from touchstone.reports.studies.work_precision.definitions import (
 )
 from touchstone.reports.studies.work_precision.errors import BAND
 from touchstone.reports.studies.work_precision.points import fronts, ladder, points, timing_cell
-from touchstone.reports.sweep.cells import ACCURACY, Cell
-from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.sweep import TimingRounds, quietly, sweep
+from touchstone.reports.runner.cells import ACCURACY, Cell
+from touchstone.reports.runner.content_hash import hash_of
+from touchstone.reports.runner.sweep import TimingRounds, quietly, sweep
 from touchstone.reports.views.pictures import (
     INK,
     PALE,

@@ -22,7 +22,7 @@ from touchstone.reports.studies.ablation import (
     variations,
 )
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.tasks import Ended
+from touchstone.reports.runner.tasks import Ended
 from touchstone.reports.views.render import print_parts
 
 SETTINGS = Settings("balanced", 1 / 60)

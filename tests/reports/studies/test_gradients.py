@@ -21,7 +21,7 @@ from touchstone.reports.studies.gradients import (
     report,
     rows_of_task,
 )
-from touchstone.reports.studies.tasks import Ended
+from touchstone.reports.runner.tasks import Ended
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.closed_form_ends import final_positions
 

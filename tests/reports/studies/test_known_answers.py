@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from touchstone.adapters.registry import installed
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.worker import play_one
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.worker import play_one
 
 
 def value(metric, scene, engine, dt, *changes):

@@ -24,8 +24,8 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from touchstone.reports.results import COLUMNS, Row, write_beside
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.content_hash import FORMAT
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.content_hash import FORMAT
 from touchstone.scenarios.files.safe_paths import json_of, regular
 
 MOST_FILES = 64

@@ -23,10 +23,10 @@ import pandas as pd
 from touchstone.adapters.registry import load, packages_of
 from touchstone.adapters.workers.pool import Pool, Slot
 from touchstone.reports.cli.progress import Progress
-from touchstone.reports.sweep.cells import TIMING, Cell
-from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.store import Done, Store
-from touchstone.reports.sweep.worker import PATIENCE, Loader, Worker, played_batch
+from touchstone.reports.runner.cells import TIMING, Cell
+from touchstone.reports.runner.content_hash import hash_of
+from touchstone.reports.runner.store import Done, Store
+from touchstone.reports.runner.worker import PATIENCE, Loader, Worker, played_batch
 
 GROUP = 8
 """Cells that are appended to the store together: what a kill loses, some two seconds."""

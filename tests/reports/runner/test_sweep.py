@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.knobs import SettingError
-from touchstone.reports.sweep.cells import combinations, grid
-from touchstone.reports.sweep.clusters import ClusterError, DaskPool, PartError, part_of, script
-from touchstone.reports.sweep.store import Store, StoreError
-from touchstone.reports.sweep.sweep import BatchPool, sweep
+from touchstone.reports.runner.cells import combinations, grid
+from touchstone.reports.runner.clusters import ClusterError, DaskPool, PartError, part_of, script
+from touchstone.reports.runner.store import Store, StoreError
+from touchstone.reports.runner.sweep import BatchPool, sweep
 
 
 def test_a_grid_has_every_combination_once():
@@ -114,7 +114,7 @@ def test_a_cluster_keeps_going(fakes, tmp_path, monkeypatch):
 def test_an_unreachable_cluster_is_one_line(fakes, tmp_path, monkeypatch, address):
     """The address is named, and what the store holds stays."""
     pytest.importorskip("distributed")
-    monkeypatch.setattr("touchstone.reports.sweep.clusters.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("touchstone.reports.runner.clusters.CONNECT_SECONDS", 1)
     with pytest.raises(ClusterError, match=f"^--dask {address}: cannot be reached [^\n]*$"):
         sweep(fakes("square", 1), tmp_path / "s", executor=lambda output: DaskPool(address, 1, output))
     assert Store(tmp_path / "s").table().empty
@@ -199,8 +199,8 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from fake_measures import cells, load
-from touchstone.reports.sweep.sweep import BatchPool
-from touchstone.reports.sweep.sweep import sweep
+from touchstone.reports.runner.sweep import BatchPool
+from touchstone.reports.runner.sweep import sweep
 if __name__ == "__main__":
     sweep(cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: BatchPool(1, out, load))
 """
@@ -288,7 +288,7 @@ def test_a_full_disk_keeps_what_was_measured(fakes, tmp_path, monkeypatch):
 
 def test_ten_thousand_cells_are_resumed_at_once(fakes, tmp_path):
     """10,000 finished cells are hashed, found and read in under 5 s."""
-    from touchstone.reports.sweep.worker import play
+    from touchstone.reports.runner.worker import play
 
     store = Store(tmp_path / "s")
     cells = fakes("square", 10_000)

@@ -13,7 +13,7 @@ from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.results import Row
 from touchstone.reports.run.measure import measured_of
-from touchstone.reports.sweep.cells import Cell
+from touchstone.reports.runner.cells import Cell
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario
 

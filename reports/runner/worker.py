@@ -17,10 +17,10 @@ from touchstone.adapters.registry import installed, load, missing_reason, packag
 from touchstone.adapters.workers.pool import Slot
 from touchstone.adapters.workers.process import ChildProcess, failure_of
 from touchstone.reports.machine import machine
-from touchstone.reports.sweep.cells import Cell, named, scene_of
-from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.measures import Measured, base_row
-from touchstone.reports.sweep.store import Done
+from touchstone.reports.runner.cells import Cell, named, scene_of
+from touchstone.reports.runner.content_hash import hash_of
+from touchstone.reports.runner.measures import Measured, base_row
+from touchstone.reports.runner.store import Done
 
 Loader = Callable[[str], Engine]
 PATIENCE = 300.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from touchstone.adapters.contract import Unsupported
-from touchstone.reports.sweep import worker
-from touchstone.reports.sweep.worker import play_one
+from touchstone.reports.runner import worker
+from touchstone.reports.runner.worker import play_one
 
 
 @pytest.fixture(autouse=True)

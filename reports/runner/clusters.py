@@ -16,9 +16,9 @@ from typing import Any
 
 from touchstone.adapters.registry import load
 from touchstone.adapters.workers.process import main_left_out, one_thread
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.store import Done
-from touchstone.reports.sweep.worker import CRASH, HANG, PATIENCE, Loader, failed, play
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.store import Done
+from touchstone.reports.runner.worker import CRASH, HANG, PATIENCE, Loader, failed, play
 
 LOCAL = "local"
 """Address that stands for a cluster on this machine."""
