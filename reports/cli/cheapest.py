@@ -64,6 +64,7 @@ def cheapest(
     """
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.runner.store import StoreError
     from touchstone.reports.studies.work_precision.cheapest import cheapest as find
     from touchstone.reports.studies.work_precision.cheapest import (
         missing_quantities,
@@ -71,7 +72,6 @@ def cheapest(
     )
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
     from touchstone.reports.studies.work_precision.study import StudyCells, measure
-    from touchstone.reports.runner.store import StoreError
     from touchstone.scenarios.catalogue import catalogue
 
     scene = catalogue()[known("scenario", scenario, catalogue())]
@@ -228,11 +228,11 @@ def tune(
     Exit code 1: no setting reaches the limits; the nearest is printed.
     """
     from touchstone.adapters.contract import AdapterError
+    from touchstone.reports.runner.executors import ClusterError, DaskPool
+    from touchstone.reports.runner.store import StoreError
     from touchstone.reports.studies.study import RefusedError
     from touchstone.reports.studies.tuning import Asked, Search
     from touchstone.reports.studies.work_precision.cheapest import TIME
-    from touchstone.reports.runner.clusters import ClusterError, DaskPool
-    from touchstone.reports.runner.store import StoreError
 
     if not engine:
         stop("tune: name the engine whose settings are searched, such as --engine mujoco", BAD_INPUT)

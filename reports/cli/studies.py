@@ -79,8 +79,8 @@ def studied(
 
     def register(asked_for: Callable[..., StudyRequest]) -> Callable[..., StudyRequest]:
         def command(out: Path | None, output: Format, yes: bool, quiet: bool, **own: Any) -> None:
-            from touchstone.reports.studies.study import RefusedError
             from touchstone.reports.runner.store import StoreError
+            from touchstone.reports.studies.study import RefusedError
 
             folder = out or folder_of_now(f"{name}-")
             try:

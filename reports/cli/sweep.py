@@ -73,7 +73,7 @@ def sweep(
     from touchstone.adapters.knobs import SettingError
     from touchstone.reports.run.request import DEFAULT_PROFILES
     from touchstone.reports.runner.cells import grid
-    from touchstone.reports.runner.clusters import ClusterError, DaskPool, PartError, part_of
+    from touchstone.reports.runner.executors import ClusterError, DaskPool, PartError, part_of
     from touchstone.reports.runner.store import StoreError
     from touchstone.reports.runner.sweep import sweep as run_sweep
     from touchstone.reports.runner.sweep import sweep_timed
@@ -120,7 +120,7 @@ def sweep(
 
 def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:
     """Write the array job of this command; its store is named by its absolute path."""
-    from touchstone.reports.runner.clusters import script
+    from touchstone.reports.runner.executors import script
 
     arguments = without(sys.argv[2:], "--slurm-script", "--out", "--part", "--jobs")
     text = script([*arguments, "--out", str(out.resolve())], cells)

@@ -23,10 +23,10 @@ from touchstone.reports.metrics import HORIZON, SPREAD
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.results import Row
 from touchstone.reports.run.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY
-from touchstone.reports.studies.work_precision.definitions import HORIZON_DISTANCE, PERTURBED_SEEDS
-from touchstone.reports.studies.work_precision.errors import closed_path
 from touchstone.reports.runner.cells import PERTURBATION
 from touchstone.reports.runner.measures import moving
+from touchstone.reports.studies.work_precision.definitions import HORIZON_DISTANCE, PERTURBED_SEEDS
+from touchstone.reports.studies.work_precision.errors import closed_path
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import perturbed
 

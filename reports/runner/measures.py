@@ -95,7 +95,7 @@ def _record(cell: Cell, scenario: Scenario, engine: Engine) -> tuple[Recording, 
 def timing(cell: Cell, scenario: Scenario, engine: Engine) -> Measured:
     """Time native steps, without reading the state, until TIMED_SECONDS have passed: seconds per frame.
 
-    The process is pinned to a core and alone, and has warmed up its engine (`TimingRounds`).
+    The process is pinned to a core and alone, and has warmed up its engine (`InTurns`).
     """
     world, settings, _ = build(engine, scenario, cell.settings)
     spent: list[float] = []

@@ -12,14 +12,15 @@ import pytest
 from rich.console import Console
 
 from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.workers.pool import EngineServer
 from touchstone.reports.results import COLUMNS
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.tasks import Task
 from touchstone.reports.studies import agreement, study
 from touchstone.reports.studies.agreement import LADDER, Trajectory, order_of, report, run
-from touchstone.reports.runner.tasks import Task, refusable
 from touchstone.reports.studies.work_precision import definitions
 from touchstone.reports.studies.work_precision.errors import CellRun
 from touchstone.reports.studies.work_precision.points import SweptRuns
-from touchstone.reports.runner.cells import Cell
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
@@ -50,7 +51,9 @@ def played(recordings: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, tmp_pat
         for module in (agreement, study):
             monkeypatch.setattr(module, "installed", lambda engine: True)
         monkeypatch.setattr(
-            agreement, "played", lambda play, tasks, *_: [refusable(play, None, t) for t in tasks]
+            agreement,
+            "played",
+            lambda play, tasks, *_: [EngineServer(play, str).handle("play", t) for t in tasks],
         )
         return run([catalogue()["fall"]], tmp_path / "out", lambda label, count: None)
 

@@ -7,6 +7,8 @@ import pytest
 from rich.console import Console
 
 from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.workers.pool import EngineServer
+from touchstone.reports.runner.tasks import Task
 from touchstone.reports.studies import predictability, study
 from touchstone.reports.studies.predictability import (
     CLOSED_FORM,
@@ -19,7 +21,6 @@ from touchstone.reports.studies.predictability import (
     run,
     touching,
 )
-from touchstone.reports.runner.tasks import Task, refusable
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form_ends import final_positions
@@ -46,7 +47,9 @@ def played(recordings, monkeypatch, tmp_path):
         for module in (predictability, study):
             monkeypatch.setattr(module, "installed", lambda engine: True)
         monkeypatch.setattr(
-            predictability, "played", lambda play, tasks, *_: [refusable(play, None, t) for t in tasks]
+            predictability,
+            "played",
+            lambda play, tasks, *_: [EngineServer(play, str).handle("play", t) for t in tasks],
         )
         return run([catalogue()["fall"]], 0, tmp_path / "out", lambda label, count: None)
 

@@ -8,6 +8,7 @@ from rich.console import Console
 from tests.reports.verdict.fake_engines import Engine
 from touchstone.adapters.contract import Settings
 from touchstone.reports.results import CONSTRUCTION, table
+from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.studies.stability.play import (
     STEPS,
     Played,
@@ -33,7 +34,6 @@ from touchstone.reports.studies.stability.study import (
     step_picture,
     table_of_cells,
 )
-from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, Outcome
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.difficulty.family import families, hard_names, hard_scene

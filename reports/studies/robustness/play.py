@@ -7,7 +7,8 @@ from time import process_time
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsupported
 from touchstone.adapters.recorder import Player, ready
-from touchstone.reports.runner.tasks import Ended, Task
+from touchstone.adapters.workers.pool import HANG, Ended
+from touchstone.reports.runner.tasks import Task
 from touchstone.reports.verdict.outcomes import (
     EXACT,
     FIRST_ORDER,
@@ -84,6 +85,5 @@ def assessment_of(found: Assessment | Ended) -> Assessment:
     """Assessment of a task, or the class of one that ended its process."""
     if not isinstance(found, Ended):
         return found
-    return Assessment(
-        "hang" if found.hung else found.status if found.status == "skipped" else "error", found.reason
-    )
+    skipped = found.status if found.status == "skipped" else "error"
+    return Assessment(HANG if found.process == HANG else skipped, found.reason)

@@ -23,6 +23,7 @@ from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.results import Row, rows_of, write_beside
+from touchstone.reports.runner.tasks import own_step, played
 from touchstone.reports.studies.robustness.play import (
     PATIENCE,
     SeededTask,
@@ -30,7 +31,6 @@ from touchstone.reports.studies.robustness.play import (
     assessment_of,
 )
 from touchstone.reports.studies.study import Column, kept, missing_rows
-from touchstone.reports.runner.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import COUNTERS, EXACT, RANDOM_CLASSES, Assessment
 from touchstone.reports.views.pictures import (

@@ -21,12 +21,12 @@ from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.solver import state_hash
 from touchstone.reports.results import Row
 from touchstone.reports.run.request import step_text
-from touchstone.reports.studies.study import Column
-from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.content_hash import hash_of
 from touchstone.reports.runner.measures import Measured, base_row
 from touchstone.reports.runner.sweep import sweep
+from touchstone.reports.runner.tasks import own_step
+from touchstone.reports.studies.study import Column
 from touchstone.reports.verdict import figures, outcomes
 from touchstone.reports.verdict.outcomes import Outcome, judge
 from touchstone.scenarios.difficulty.checks import Checks

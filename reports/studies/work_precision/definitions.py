@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from touchstone.adapters.contract import DRIVES
 from touchstone.adapters.knobs import Choice
 from touchstone.adapters.registry import ENGINES, installed, settings_of
-from touchstone.reports.runner.tasks import own_profile
 from touchstone.reports.runner.cells import CATALOGUE, PERTURBED, Cell, grid
+from touchstone.reports.runner.tasks import own_profile
 from touchstone.scenarios.catalogue import tagged
 
 STUDY = "work-precision"

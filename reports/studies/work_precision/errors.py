@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.studies.work_precision.definitions import HORIZON_DISTANCE, QUANTITIES
 from touchstone.reports.runner.measures import FRAMES, PATH, moving
+from touchstone.reports.studies.work_precision.definitions import HORIZON_DISTANCE, QUANTITIES
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.scenario import Scenario
 

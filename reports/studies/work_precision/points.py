@@ -11,6 +11,9 @@ import pandas as pd
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.cells import TIMING, Cell, grid, scene_of
+from touchstone.reports.runner.content_hash import hash_of
+from touchstone.reports.runner.measures import FRAMES
 from touchstone.reports.studies.work_precision.definitions import (
     BASE,
     FINE,
@@ -30,9 +33,6 @@ from touchstone.reports.studies.work_precision.errors import (
     run_of,
     truth_of,
 )
-from touchstone.reports.runner.cells import TIMING, Cell, grid, scene_of
-from touchstone.reports.runner.content_hash import hash_of
-from touchstone.reports.runner.measures import FRAMES
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 

@@ -65,7 +65,7 @@ def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> 
     for name in ("reference", "bullet"):
         assert found[name].ended is None
         assert [len(times) for times in found[name].times] == [6] * len(found[name].sizes)
-    assert found["dart"].ended == ("error", "died during 'build': exit code 7")
+    assert found["dart"].ended == ("error", "died during 'play': exit code 7")
     assert found["mujoco"].ended[0] == "missing"
     rows = rows_of_curves(curves)
     assert {(r.engine, r.verdict) for r in rows if r.metric == "run"} == {
@@ -76,7 +76,7 @@ def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> 
     for size, times in zip(found["reference"].sizes, found["reference"].times):
         assert (times >= 1e-3 * size).all()
     text = shown(scaling, table(rows))
-    assert "error: dart: died during 'build': exit code 7" in text
+    assert "error: dart: died during 'play': exit code 7" in text
 
 
 def test_balls_rest_on_the_floor_and_apart() -> None:

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.variable import MECHANISMS, constants
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.results import table
 from touchstone.reports.studies.ablation import (
     Effect,
@@ -22,7 +23,6 @@ from touchstone.reports.studies.ablation import (
     variations,
 )
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.runner.tasks import Ended
 from touchstone.reports.views.render import print_parts
 
 SETTINGS = Settings("balanced", 1 / 60)
