@@ -18,7 +18,7 @@ from touchstone.scenarios.scenario import Scenario
 
 SPREAD = 0.05
 """Share of the way of the bodies within which codes agree, and by which half the step may change one [1]:
-what a first-order engine at a fitting step may be off (`verdict/limits.py`)."""
+what a first-order engine at a fitting step may be off (`verdict/limits.toml`)."""
 
 
 @dataclass(frozen=True, slots=True)
