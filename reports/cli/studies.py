@@ -266,7 +266,7 @@ def robustness(
     profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
 ) -> StudyRequest:
     """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
-    from touchstone.reports.studies.robustness import study as module
+    from touchstone.reports.studies import robustness as module
     from touchstone.scenarios.random_scenes import ALL_KINDS
 
     columns = columns_for(engine or ["reference"], profile or [], module.PROFILES)

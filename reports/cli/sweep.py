@@ -194,8 +194,8 @@ def soak(
     """Play random scenes on the reference for as long as asked; shrink each failure to its smallest scene."""
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.cli.listing import show_rows
-    from touchstone.reports.soak.soak import Extent
-    from touchstone.reports.soak.soak import soak as run
+    from touchstone.reports.studies.soak import Extent
+    from touchstone.reports.studies.soak import soak as run
 
     known("profile", profile, ENGINES["reference"].profiles)
     folder = out or folder_of_now("soak-")

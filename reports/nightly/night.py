@@ -156,7 +156,7 @@ def _hard(names: Sequence[str], out: Path, scratch: Path, progress: Progress) ->
 
 def _robustness(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
     """Random scenes on the reference: energy, overlap, residual."""
-    from touchstone.reports.studies.robustness.study import run, tasks
+    from touchstone.reports.studies.robustness import run, tasks
 
     columns = (("reference", "balanced"), ("reference", "accurate"))
     return run(columns, tasks(columns, 30, 0, None, 0.0), out, progress)

@@ -16,12 +16,11 @@ from touchstone.reports.bench.poses import FAMILIES
 from touchstone.reports.bench.scaling import BALLS, BROAD_PHASE, VERTICES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
-from touchstone.reports.studies import effects
+from touchstone.reports.studies import effects, robustness
 from touchstone.reports.studies.calibration.probes import SHAPES
 from touchstone.reports.studies.calibration.rows import ALL, LARGEST, SLOW
 from touchstone.reports.studies.inverse_kinematics import CCD, MEASURED, SOLVERS, STARTS
 from touchstone.reports.studies.predictability import ERROR
-from touchstone.reports.studies.robustness import study as robustness
 from touchstone.reports.verdict import limits as module
 from touchstone.reports.verdict.failings import NOISY, known
 from touchstone.reports.verdict.judge import judged, judged_in

@@ -14,10 +14,11 @@ from rich.console import Console
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.results import table
-from touchstone.reports.studies.robustness import study
-from touchstone.reports.studies.robustness.play import SeededTask, assess
-from touchstone.reports.studies.robustness.study import (
+from touchstone.reports.studies import robustness as study
+from touchstone.reports.studies.robustness import (
     ALL,
+    SeededTask,
+    assess,
     line,
     report,
     rise_over_residual,

@@ -20,7 +20,7 @@ from touchstone.adapters.registry import ENGINES, load
 from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
 from touchstone.reports.results import write_beside
 from touchstone.reports.runner.tasks import Task
-from touchstone.reports.studies.robustness.play import PATIENCE, assess_task, assessment_of
+from touchstone.reports.studies.robustness import PATIENCE, assess_task, assessment_of
 from touchstone.reports.verdict.outcomes import Assessment
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.random_scenes import random_scene
