@@ -140,6 +140,14 @@ def measure_scene(
     return judge_outcomes(request, scenario, outcomes, results, progress, horizon) + missing
 
 
+def job_of(request: Request, scenario: Scenario, engine: str, profile: str, folder: Path) -> Job:
+    """The job of a column of a scene; `folder` has `recordings` and `output`."""
+    settings = request.settings(engine, profile)
+    name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
+    files = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
+    return Job(engine, scenario, settings, *files, request.budget)
+
+
 def _play(
     request: Request, scenario: Scenario, folder: Path, children: Children, progress: Progress
 ) -> tuple[list[Outcome], list[Row]]:
@@ -149,10 +157,7 @@ def _play(
             row = Row(STUDY, scenario.name, engine, profile, float("nan"), "run")
             missing.append(replace(row, verdict=MISSING, reason=missing_reason(engine)))
             continue
-        settings = request.settings(engine, profile)
-        name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
-        recording, output = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
-        jobs.append(Job(engine, scenario, settings, recording, output, request.budget))
+        jobs.append(job_of(request, scenario, engine, profile, folder))
     return children.play(jobs, progress), missing
 
 
