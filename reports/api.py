@@ -17,8 +17,8 @@ from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, available, registered
 from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.names import checked
-from touchstone.reports.run.request import DEFAULT_PROFILES, REFERENCE, Request, Results, columns_of
 from touchstone.reports.run.study import run as run_study
+from touchstone.reports.runner.request import DEFAULT_PROFILES, REFERENCE, Request, Results, columns_of
 from touchstone.reports.verdict.limits import check_limits
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.named import NoScene, scenes_named

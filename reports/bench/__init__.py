@@ -9,7 +9,7 @@ from typing import Protocol
 
 import pandas as pd
 
-from touchstone.reports.cli.progress import Progress
+from touchstone.reports.progress import Progress
 from touchstone.reports.views.render import Part
 
 BENCHES = {

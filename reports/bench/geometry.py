@@ -22,9 +22,8 @@ from touchstone.adapters.detectors import load as load_detector
 from touchstone.adapters.detectors.children import Loader
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench.poses import FAMILIES, hand_slide
-from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, remarks, value_text
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of, save, save_manifest, table
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
 from touchstone.reports.studies.narrow_phase.poses import corners, size_of
@@ -36,6 +35,7 @@ from touchstone.reports.studies.narrow_phase.study import (
     with_ratio,
 )
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.views.render import Part
 
 HEADS = ("family", "detector", "query", "net", "error", "over it", "95 % interval", "limit")

@@ -28,13 +28,13 @@ from touchstone.adapters.recorder import frame_seconds, undisturbed
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
 from touchstone.adapters.workers.pool import Ended, EngineProcess, Loader
 from touchstone.reports.bench.poses import hull_slide
-from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.bootstrap import exponent, median_interval
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, measure
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.views.pictures import INK, MARKERS, detector_color, figure, panels
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere

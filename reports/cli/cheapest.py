@@ -63,7 +63,7 @@ def cheapest(
     apart from it: all are named.
     """
     from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.docs.listing import show_rows
     from touchstone.reports.runner.store import StoreError
     from touchstone.reports.studies.work_precision.cheapest import cheapest as find
     from touchstone.reports.studies.work_precision.cheapest import (
@@ -169,7 +169,7 @@ def lines(answer: Answer, limits: dict[str, float]) -> list[str]:
 
 def words_of(setting: MeasuredSetting) -> str:
     """A setting and its time, with the range of the rounds."""
-    from touchstone.reports.run.request import step_text
+    from touchstone.reports.runner.request import step_text
     from touchstone.reports.studies.work_precision.study import number
 
     label = f"{setting.engine} {setting.profile} {setting.settings}".strip()
@@ -270,7 +270,7 @@ def tune(
             if not quiet or out is not None:
                 print("\n".join(tuned_lines(asked, found, pasted)))
         else:
-            from touchstone.reports.cli.listing import show_rows
+            from touchstone.reports.docs.listing import show_rows
 
             show_rows(tuned_rows(asked, found, pasted), output)
     if not found.met:

@@ -38,7 +38,7 @@ def nightly(
     """Measure all scenes, store the night, and compare it with the accepted night and with those before."""
     from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes, working_folder
     from touchstone.reports.nightly.store import Store, StoreError
-    from touchstone.reports.run.request import DEFAULT_PROFILES, columns_of
+    from touchstone.reports.runner.request import DEFAULT_PROFILES, columns_of
 
     columns = columns_of(_engines(), QUICK_PROFILES if quick else DEFAULT_PROFILES)
     settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}

@@ -33,7 +33,7 @@ from touchstone.reports.cli.options import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from touchstone.reports.cli.progress import Progress
+    from touchstone.reports.progress import Progress
     from touchstone.reports.views.render import Part
     from touchstone.scenarios.files.pair_file import GivenPair
     from touchstone.scenarios.scenario import Scenario

@@ -71,9 +71,9 @@ def sweep(
 ) -> None:
     """Measure every combination of scene, engine, profile and step, each once."""
     from touchstone.adapters.knobs import SettingError
-    from touchstone.reports.run.request import DEFAULT_PROFILES
     from touchstone.reports.runner.cells import grid
     from touchstone.reports.runner.executors import ClusterError, DaskPool, PartError, part_of
+    from touchstone.reports.runner.request import DEFAULT_PROFILES
     from touchstone.reports.runner.store import StoreError
     from touchstone.reports.runner.sweep import sweep as run_sweep
     from touchstone.reports.runner.sweep import sweep_timed
@@ -107,8 +107,8 @@ def sweep(
         else:
             frame = run_sweep(cells, out, jobs=jobs, executor=executor, progress=progress)
     if not printed(frame, output) and not quiet:
-        from touchstone.reports.runner.table import report
         from touchstone.reports.views.render import console, print_parts
+        from touchstone.reports.views.sweep_table import report
 
         print_parts(report(frame), console())
         print(f"store: {out}")
@@ -193,7 +193,7 @@ def soak(
 ) -> None:
     """Play random scenes on the reference for as long as asked; shrink each failure to its smallest scene."""
     from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.docs.listing import show_rows
     from touchstone.reports.studies.soak import Extent
     from touchstone.reports.studies.soak import soak as run
 

@@ -27,11 +27,11 @@ import pyarrow
 from touchstone.adapters.registry import ENGINES, installed
 from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.scratch import locked, scratch_folder
-from touchstone.reports.cli.progress import SCENE, Progress
 from touchstone.reports.nightly.store import Night, cache_folder, identity, same_night
+from touchstone.reports.progress import SCENE, Progress
 from touchstone.reports.results import COLUMNS, Row, rows_of, table, write_beside
-from touchstone.reports.run.request import Request, Results, columns_of, step_text
 from touchstone.reports.run.study import measure_scene
+from touchstone.reports.runner.request import Request, Results, columns_of, step_text
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SURVIVED
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.difficulty.family import families

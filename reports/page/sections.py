@@ -13,8 +13,8 @@ from touchstone.reports.page.html import Cell, Content, figure, fold, long_table
 from touchstone.reports.page.matrix import SHOWN, metric_part, remarks, scene_part, valued
 from touchstone.reports.results import NOT_RUN, Row, rows_of
 from touchstone.reports.run.farthest_apart import headlines
-from touchstone.reports.run.reproduce import reproduce
-from touchstone.reports.run.request import REFERENCE
+from touchstone.reports.runner.reproduce import reproduce
+from touchstone.reports.runner.request import REFERENCE
 from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
 from touchstone.reports.views.losses import losses
 from touchstone.reports.views.tables import MARKS, exact_number, grid

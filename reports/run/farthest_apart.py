@@ -18,13 +18,13 @@ from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import load
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.adapters.workers.scratch import scratch_folder
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics import HORIZON, SPREAD
 from touchstone.reports.metrics.context import Context
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
-from touchstone.reports.run.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY
 from touchstone.reports.runner.cells import PERTURBATION
 from touchstone.reports.runner.measures import moving
+from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY
 from touchstone.reports.studies.work_precision.definitions import HORIZON_DISTANCE, PERTURBED_SEEDS
 from touchstone.reports.studies.work_precision.errors import closed_path
 from touchstone.scenarios.scenario import Scenario

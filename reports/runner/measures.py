@@ -12,8 +12,8 @@ from touchstone.adapters.recorder import build, frame_seconds, record
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.results import Row
-from touchstone.reports.run.measure import measured_of
 from touchstone.reports.runner.cells import Cell
+from touchstone.reports.verdict.rows import measured_of
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario
 

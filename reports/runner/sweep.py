@@ -10,7 +10,7 @@ from time import monotonic
 
 import pandas as pd
 
-from touchstone.reports.cli.progress import Progress
+from touchstone.reports.progress import Progress
 from touchstone.reports.runner.cells import TIMING, Cell
 from touchstone.reports.runner.content_hash import hash_of
 from touchstone.reports.runner.executors import Executor, InPool, InTurns

@@ -12,7 +12,7 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.adapters.registry import ENGINES, load
 from touchstone.adapters.workers.pool import EngineTask, Loader, played_in_pool
-from touchstone.reports.cli.progress import Progress
+from touchstone.reports.progress import Progress
 from touchstone.scenarios.scenario import Scenario
 
 PATIENCE = 600.0

@@ -26,12 +26,12 @@ from scipy.stats import linregress, t
 from touchstone.adapters.contract import DRIVES, Array, Engine
 from touchstone.adapters.registry import ENGINES, installed
 from touchstone.adapters.workers.pool import Ended
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.run.request import step_text
 from touchstone.reports.runner.cells import Cell, grid
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.runner.tasks import PROCESSES, Task, own_profile, own_settings, own_step, played
 from touchstone.reports.studies.study import RefusedError, failures, kept, missing_rows

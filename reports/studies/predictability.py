@@ -25,8 +25,8 @@ from touchstone.adapters.contract import Array, Engine
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, installed
 from touchstone.adapters.workers.pool import Ended
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.measures import moving
 from touchstone.reports.runner.tasks import Task, own_profile, own_settings, own_step, played

@@ -22,8 +22,8 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.adapters.workers.pool import Ended
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
 from touchstone.reports.runner.tasks import Task, played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows

@@ -22,8 +22,8 @@ from touchstone.adapters.recorder import Player, ready
 from touchstone.adapters.registry import installed, load
 from touchstone.adapters.workers.pool import HANG, Ended, Loader
 from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of, write_beside
 from touchstone.reports.runner.tasks import Task, own_step, played
 from touchstone.reports.studies.study import Column, kept, missing_rows

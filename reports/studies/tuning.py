@@ -18,7 +18,7 @@ from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.knobs import Choice, Numbers, Range, Setting, split
 from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, settings_of
-from touchstone.reports.cli.progress import Progress
+from touchstone.reports.progress import Progress
 from touchstone.reports.runner.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
 from touchstone.reports.runner.executors import Executor, InTurns
 from touchstone.reports.runner.sweep import sweep

@@ -35,7 +35,7 @@ from touchstone.reports.views.terminal import grid_part, ratio_part, remark_line
 from touchstone.scenarios.truths.pair_names import pair_of
 
 if TYPE_CHECKING:
-    from touchstone.reports.run.request import Request, Results
+    from touchstone.reports.runner.request import Request, Results
     from touchstone.scenarios.scenario import Scenario
 
 BUDGET_STAGES = ("collision", "removal", "impulses", "integration", "drive")

@@ -11,7 +11,7 @@ import pandas as pd
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import CONSTRUCTION, HARNESS, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.request import step_text
 
 HIDDEN = ("work", "time.share", "state.hash")
 """Metrics that have a table of their own."""

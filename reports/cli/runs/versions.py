@@ -60,7 +60,7 @@ def versions(
     from touchstone.adapters.workers.environment import installed_version
     from touchstone.reports.changes import FAILING
     from touchstone.reports.output_folder import OutputError, output_folder
-    from touchstone.reports.run.request import Request, TooLargeError, check_memory, limited
+    from touchstone.reports.runner.request import Request, TooLargeError, check_memory, limited
     from touchstone.reports.studies.versions import Compared, compare, environments
 
     if not engine:

@@ -19,10 +19,10 @@ from matplotlib.ticker import FixedLocator, FuncFormatter
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ACCURATE, DEFAULT, ENGINES, installed, load
 from touchstone.adapters.workers.pool import Loader
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import rows_of
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.runner.tasks import own_step, played
 from touchstone.reports.studies.calibration.probes import (
     HEIGHT,

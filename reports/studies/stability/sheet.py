@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.workers.scratch import scratch_folder
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.context import Context
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import write_beside
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.studies.stability.play import KEPT, Played, file_of, play_all, recordings_in

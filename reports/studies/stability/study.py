@@ -19,8 +19,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import CONSTRUCTION, Row, illustrate, rows_of, write_beside
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.tasks import own_step

@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES, installed
 from touchstone.adapters.workers.pool import Ended
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.tasks import played
 from touchstone.reports.studies.study import (

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.run.request import step_text
 from touchstone.reports.runner.cells import TIMING, Cell, grid, scene_of
 from touchstone.reports.runner.content_hash import hash_of
 from touchstone.reports.runner.measures import FRAMES
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.studies.work_precision.definitions import (
     BASE,
     FINE,

@@ -17,13 +17,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import illustrate, save_manifest, write_beside
-from touchstone.reports.run.request import step_text
 from touchstone.reports.runner.cells import ACCURACY, Cell
 from touchstone.reports.runner.content_hash import hash_of
 from touchstone.reports.runner.executors import InTurns
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.runner.sweep import quietly, sweep
 from touchstone.reports.studies.work_precision.definitions import (
     QUANTITIES,
