@@ -21,11 +21,12 @@ from touchstone.adapters.registry import ENGINES, settings_of
 from touchstone.reports.progress import Progress
 from touchstone.reports.runner.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
 from touchstone.reports.runner.executors import Executor, InTurns
+from touchstone.reports.runner.measures import closed_path
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.studies.study import RefusedError
 from touchstone.reports.studies.work_precision.cheapest import TIME, MeasuredSetting, cheapest, rated
 from touchstone.reports.studies.work_precision.definitions import QUANTITIES, truth_cells
-from touchstone.reports.studies.work_precision.errors import TrueMotion, closed_path, errors_of
+from touchstone.reports.studies.work_precision.errors import TrueMotion, errors_of
 from touchstone.reports.studies.work_precision.points import SweptRuns, band, reproduce, timing_cell
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario

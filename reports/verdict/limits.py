@@ -135,7 +135,7 @@ def file_model() -> type[BaseModel]:
     from pydantic import Strict, create_model  # import on demand: runs without such a file need none
 
     names = str | tuple[str, ...]
-    fields = {name: (names, ... if name == "metric" else "") for name in SCOPE}
+    fields: dict[str, Any] = {name: (names, ... if name == "metric" else "") for name in SCOPE}
     fields |= {
         "largest": (Annotated[float, Strict()], ...),
         "reason": (str, ""),

@@ -10,9 +10,9 @@ import pandas as pd
 
 from touchstone.reports.metrics import HORIZON, SPREAD
 from touchstone.reports.results import rows_of
-from touchstone.reports.run.farthest_apart import HEADS as APART_HEADS
-from touchstone.reports.run.farthest_apart import TITLE as APART
-from touchstone.reports.run.farthest_apart import apart_table
+from touchstone.reports.views.apart import HEADS as APART_HEADS
+from touchstone.reports.views.apart import TITLE as APART
+from touchstone.reports.views.apart import apart_table
 from touchstone.reports.views.comparison import (
     FORCE_PICTURE,
     Columns,

@@ -11,10 +11,10 @@ from rich.text import Text
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
-from touchstone.reports.run.farthest_apart import TITLE as APART
-from touchstone.reports.run.farthest_apart import apart_table, headlines
 from touchstone.reports.runner.reproduce import script_command
 from touchstone.reports.verdict.judge import WORST_LAST, Count, counted
+from touchstone.reports.views.apart import TITLE as APART
+from touchstone.reports.views.apart import apart_table, headlines
 from touchstone.reports.views.frame_budget import budget_part
 from touchstone.reports.views.losses import losses_part
 from touchstone.reports.views.render import Part

@@ -12,7 +12,7 @@ import pandas as pd
 from touchstone.adapters.contract import Array
 from touchstone.reports.runner.cells import TIMING, Cell, grid, scene_of
 from touchstone.reports.runner.content_hash import hash_of
-from touchstone.reports.runner.measures import FRAMES
+from touchstone.reports.runner.measures import FRAMES, closed_path
 from touchstone.reports.runner.request import step_text
 from touchstone.reports.studies.work_precision.definitions import (
     BASE,
@@ -27,7 +27,6 @@ from touchstone.reports.studies.work_precision.definitions import (
 from touchstone.reports.studies.work_precision.errors import (
     CellRun,
     TrueMotion,
-    closed_path,
     distance,
     errors_of,
     run_of,
