@@ -99,7 +99,7 @@ FALSE = 1e-11
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Amount:
     """Size of the benchmark: pairs per family, frames of the motion, turns of all detectors, passes per
     turn."""
 
@@ -109,41 +109,43 @@ class Plan:
     passes: int = 4
 
 
-PLAN = Plan()
+AMOUNT = Amount()
 
 
-def steps(plan: Plan = PLAN) -> int:
+def steps(amount: Amount = AMOUNT) -> int:
     """Number of queries of all detectors."""
-    return len(SUBJECTS) * (len(FAMILIES) * plan.pairs + plan.frames * len(hand_slide(1)[0]))
+    return len(SUBJECTS) * (len(FAMILIES) * amount.pairs + amount.frames * len(hand_slide(1)[0]))
 
 
-def run(out: Path, progress: Progress, plan: Plan = PLAN, loader: Loader = load_detector) -> pd.DataFrame:
+def run(
+    out: Path, progress: Progress, amount: Amount = AMOUNT, loader: Loader = load_detector
+) -> pd.DataFrame:
     """Measure all detectors; store rows and manifest."""
     with output_folder(out) as folder:
         (folder / "output").mkdir()
         progress("draw pairs", 0)
-        truth, stretches = queries(plan)
+        truth, stretches = queries(amount)
         measured = measure(
-            SUBJECTS, truth.pairs, stretches, plan.turns, plan.passes, folder / "output", progress, loader
+            SUBJECTS, truth.pairs, stretches, amount.turns, amount.passes, folder / "output", progress, loader
         )
         frame = table(judged(row, ()) for row in rows_of_bench(truth, measured))
         save(frame, folder)
         facts = {name: dict(mine.facts) for name, mine in measured.items()}
-        save_manifest(folder, {"study": STUDY, **asdict(plan), "detectors": facts})
+        save_manifest(folder, {"study": STUDY, **asdict(amount), "detectors": facts})
     return frame
 
 
-def queries(plan: Plan) -> tuple[PairTruth, list[Stretch]]:
+def queries(amount: Amount) -> tuple[PairTruth, list[Stretch]]:
     """All queries with their truths, one stretch per family: an application asks one kind of query at a
     time."""
     rng = np.random.default_rng(0)
     pairs: list[Pair] = []
     stretches = []
     for draw in FAMILIES.values():
-        stretches.append(Stretch(len(pairs), len(pairs) + plan.pairs))
-        pairs += [draw(rng) for _ in range(plan.pairs)]
-    motion = hand_slide(plan.frames)
-    stretches.append(Stretch(len(pairs), len(pairs) + plan.frames * len(motion[0]), len(motion[0])))
+        stretches.append(Stretch(len(pairs), len(pairs) + amount.pairs))
+        pairs += [draw(rng) for _ in range(amount.pairs)]
+    motion = hand_slide(amount.frames)
+    stretches.append(Stretch(len(pairs), len(pairs) + amount.frames * len(motion[0]), len(motion[0])))
     pairs += [pair for frame in motion for pair in frame]
     names = (*FAMILIES, MOTION)
     family = np.concatenate([np.full(s.end - s.first, name) for name, s in zip(names, stretches)])

@@ -341,7 +341,7 @@ SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-f
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Amount:
     """Sizes, and the number of repetitions."""
 
     pieces: tuple[int, ...] = (100, 320, 1000, 3200, 10_000)
@@ -357,20 +357,20 @@ class Plan:
     hull_turns: int = 3
 
 
-PLAN = Plan()
+AMOUNT = Amount()
 
 
-def steps(plan: Plan = PLAN) -> int:
+def steps(amount: Amount = AMOUNT) -> int:
     """Number of frames of the cloud, builds and turns of the balls, and queries of the detectors."""
-    worlds = len(ENGINES) * len(plan.balls) + len(plan.more_balls)
-    queries = len(SUBJECTS) * len(plan.vertices) * plan.hull_pairs * plan.hull_frames
-    return 5 + plan.cloud_frames + worlds * (1 + plan.ball_turns) + queries
+    worlds = len(ENGINES) * len(amount.balls) + len(amount.more_balls)
+    queries = len(SUBJECTS) * len(amount.vertices) * amount.hull_pairs * amount.hull_frames
+    return 5 + amount.cloud_frames + worlds * (1 + amount.ball_turns) + queries
 
 
 def run(
     out: Path,
     progress: Progress,
-    plan: Plan = PLAN,
+    amount: Amount = AMOUNT,
     loader: Loader = load,
     detector_loader: DetectorLoader = load_detector,
 ) -> pd.DataFrame:
@@ -379,23 +379,23 @@ def run(
     with output_folder(out) as folder:
         output = folder / "output"
         output.mkdir()
-        curves = broad_phase(plan.pieces, plan.cloud_frames, progress)
+        curves = broad_phase(amount.pieces, amount.cloud_frames, progress)
         curves += balls_at_rest(
-            plan.balls, plan.more_balls, plan.ball_turns, plan.ball_frames, output, progress, loader
+            amount.balls, amount.more_balls, amount.ball_turns, amount.ball_frames, output, progress, loader
         )
         curves += hull_vertices(
             SUBJECTS,
-            plan.vertices,
-            plan.hull_pairs,
-            plan.hull_frames,
-            plan.hull_turns,
+            amount.vertices,
+            amount.hull_pairs,
+            amount.hull_frames,
+            amount.hull_turns,
             output,
             progress,
             detector_loader,
         )
         frame = table(judged(row, ()) for row in rows_of_curves(curves))
         save(frame, folder)
-        save_manifest(folder, {"study": STUDY, **asdict(plan)})
+        save_manifest(folder, {"study": STUDY, **asdict(amount)})
         illustrate(folder / "scaling.png", lambda part: draw(frame, part))
     return frame
 

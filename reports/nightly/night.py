@@ -194,7 +194,7 @@ OLDEST = 20 * 3600.0
 
 
 @dataclass
-class Measured:
+class NightResults:
     """A measured night: identity, long table, packed recordings per scene, manifests of the engines."""
 
     identity: dict[str, Any]
@@ -218,7 +218,7 @@ def measure(
     work: tuple[Path, dict[str, Any]],
     progress: Progress,
     before: Sequence[Night] = (),
-) -> Measured:
+) -> NightResults:
     """Measure the scenes that the night has not measured yet, and the studies that are due.
 
     Args:
@@ -228,7 +228,7 @@ def measure(
     start = time.monotonic()
     folder, facts = work
     settings = facts["settings"]
-    found = Measured(facts, table([]))
+    found = NightResults(facts, table([]))
     missing = [scene for scene in chosen if _finished(folder, scene.name, UNIT) is None]
     found.continued = len(chosen) - len(missing)
     with Children() as children, scratch_folder() as scratch:
@@ -248,7 +248,7 @@ def measure(
 
 
 def _measure_studies(
-    found: Measured, folder: Path, before: Sequence[Night], quick: bool, start: float, progress: Progress
+    found: NightResults, folder: Path, before: Sequence[Night], quick: bool, start: float, progress: Progress
 ) -> list[pd.DataFrame]:
     """Tables of the studies that are due; one that fails is a fault, and due again the next night."""
     left = QUICK_SECONDS - (time.monotonic() - start) if quick else inf

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pandas as pd
 
-from touchstone.reports.nightly.night import Measured
+from touchstone.reports.nightly.night import NightResults
 from touchstone.reports.nightly.store import Night
 from touchstone.reports.nightly.verdict import CHANGE, GONE, ORDER, REGRESSION, WARNING, Finding, ordered
 from touchstone.reports.page import charts
@@ -121,7 +121,7 @@ def history_table(history: pd.DataFrame, nights: Mapping[int, Night]) -> Part:
 
 def write_page(
     folder: Path,
-    measured: Measured,
+    measured: NightResults,
     level: str,
     verdict: str,
     findings: Sequence[Finding],

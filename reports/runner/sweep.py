@@ -10,7 +10,7 @@ from time import monotonic
 
 import pandas as pd
 
-from touchstone.reports.progress import Progress
+from touchstone.reports.progress import Progress, quietly
 from touchstone.reports.runner.cells import TIMING, Cell
 from touchstone.reports.runner.content_hash import hash_of
 from touchstone.reports.runner.executors import Executor, InPool, InTurns
@@ -18,10 +18,6 @@ from touchstone.reports.runner.store import Done, Store
 
 GROUP_SECONDS = 0.5
 """Time after which the cells that ended are appended to the store [s]: what a kill loses."""
-
-
-def quietly(label: str, cells: int) -> None:
-    """No progress."""
 
 
 def sweep_timed(

@@ -30,7 +30,7 @@ from touchstone.reports.views.frame_budget import budget_part
 from touchstone.reports.views.losses import losses_part
 from touchstone.reports.views.published import published_part
 from touchstone.reports.views.render import Part, markdown
-from touchstone.reports.views.tables import LEGEND, Cell, cell_of, number
+from touchstone.reports.views.tables import LEGEND, TableCell, cell_of, number
 from touchstone.reports.views.terminal import grid_part, ratio_part, remark_lines
 from touchstone.scenarios.truths.pair_names import pair_of
 
@@ -144,7 +144,7 @@ def _section(request: Request, results: Results, section: Section, own: Columns)
 
 
 def _line(line: Line, own: Columns, limit: str, again: str) -> list[str]:
-    cells = [cell_of(line.rows[engine]) if engine in line.rows else Cell("-") for engine in own]
+    cells = [cell_of(line.rows[engine]) if engine in line.rows else TableCell("-") for engine in own]
     marked = [cell.marked for cell in cells]
     return [line.scenario, f"`{line.name}`", line.unit, *marked, limit, line.outlier_text, again]
 

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
+from touchstone.reports.progress import quietly
 from touchstone.reports.results import table
 from touchstone.reports.studies.inverse_kinematics import (
     CCD,
@@ -29,14 +30,10 @@ MEASURES = [("ik.missed", ""), ("ik.left", "max"), ("time.solve", "")]
 MEASURES += [("ik.passes", part) for part in ("median", "p95", "max")]
 
 
-def silence(label: str, count: int) -> None:
-    """No progress."""
-
-
 @pytest.fixture(scope="module")
 def measured():
     """Two runs on a few goals."""
-    return [table(rows(GOALS, 3, silence)) for _ in range(2)]
+    return [table(rows(GOALS, 3, quietly)) for _ in range(2)]
 
 
 def test_rows_are_complete(measured) -> None:
@@ -87,7 +84,7 @@ def test_goals_and_starts_are_what_they_say() -> None:
 
 def test_files_and_table_are_complete(tmp_path: Path) -> None:
     """Store the rows and a manifest, and show each start with each solver."""
-    frame = run(5, 1, tmp_path / "ik", silence)
+    frame = run(5, 1, tmp_path / "ik", quietly)
     assert {path.name for path in (tmp_path / "ik").iterdir()} == {
         *("results.parquet", "results.csv", "manifest.json")
     }

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.detectors import DETECTORS, REFERENCE, Entry, load, missing_reason
+from touchstone.reports.progress import quietly
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies.narrow_phase.poses import FAMILIES, TOUCH, draw
 from touchstone.reports.studies.narrow_phase.study import (
@@ -35,10 +36,6 @@ SMALL = 1e-7
 over size / 1000 [1]."""
 
 
-def silence(label: str, count: int) -> None:
-    """No progress."""
-
-
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Path]:
     """A run with the reference, coal and a detector that is not installed, and its folder."""
@@ -49,7 +46,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Pat
         for name in set(DETECTORS) - {REFERENCE, OTHER}:
             patch.delitem(DETECTORS, name)
         patch.setitem(DETECTORS, ABSENT, Entry("no.such:Thing", "no_such_package"))
-        return run(PAIRS, 5, folder / "one", silence), folder / "one"
+        return run(PAIRS, 5, folder / "one", quietly), folder / "one"
 
 
 def test_rows_are_complete(results) -> None:

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from touchstone.adapters.contract import AdapterError
 from touchstone.reports.docs.measurements import page_of
+from touchstone.reports.progress import quietly
 from touchstone.reports.studies.paper import claims
 from touchstone.reports.studies.paper.claims import (
     CLAIMS,
@@ -31,10 +32,6 @@ RATE, COUNT = 60, 480
 FREE, HIGH = 4e-6, 8e-6
 """Frame times of free motion and of a plateau [s]."""
 TOLD = {claim.name: claim for claim in CLAIMS}
-
-
-def silence(label: str, count: int) -> None:
-    """No progress."""
 
 
 def judge(name: str, **scenes: Series) -> bool:
@@ -160,7 +157,7 @@ def test_claims_are_complete() -> None:
 
 def test_a_run_judges_every_claim(tmp_path) -> None:
     """Store a row per claim with its evidence, the picture and a page; show scenes and verdicts."""
-    frame = run(1, tmp_path / "paper", silence)
+    frame = run(1, tmp_path / "paper", quietly)
     names = {"results.parquet", "results.csv", "manifest.json", "paper.png", "paper.svg"}
     assert {path.name for path in (tmp_path / "paper").iterdir()} == names
     assert json.loads((tmp_path / "paper" / "manifest.json").read_text())["repeats"] == 1
@@ -193,7 +190,7 @@ class Broken:
 
 def test_scenes_that_fail_are_told(tmp_path) -> None:
     """A scene that cannot be played is an error with its reason; claims that need it are skipped."""
-    frame = run(1, tmp_path / "paper", silence, Broken())
+    frame = run(1, tmp_path / "paper", quietly, Broken())
     assert set(frame[frame.metric == "run"].verdict) == {"error"}
     assert set(frame[frame.metric == CLAIM].verdict) == {"skipped"}
     console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))

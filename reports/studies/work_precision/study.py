@@ -18,13 +18,13 @@ from matplotlib.ticker import LogLocator
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.progress import Progress
+from touchstone.reports.progress import Progress, quietly
 from touchstone.reports.results import illustrate, save_manifest, write_beside
 from touchstone.reports.runner.cells import ACCURACY, Cell
 from touchstone.reports.runner.content_hash import hash_of
 from touchstone.reports.runner.executors import InTurns
 from touchstone.reports.runner.request import step_text
-from touchstone.reports.runner.sweep import quietly, sweep
+from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.studies.work_precision.definitions import (
     QUANTITIES,
     QUICK_LADDER,

@@ -21,7 +21,7 @@ from touchstone.adapters.detectors import (
 )
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench import geometry
-from touchstone.reports.bench.geometry import MOTION, Plan, queries, rows_of_bench
+from touchstone.reports.bench.geometry import MOTION, Amount, queries, rows_of_bench
 from touchstone.reports.bench.poses import (
     FAMILIES,
     STEP,
@@ -35,7 +35,7 @@ from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
 from touchstone.reports.studies.narrow_phase.poses import corners
 
 OTHER, ABSENT = "coal", "absent"
-TINY = Plan(pairs=2, frames=3, turns=1, passes=1)
+TINY = Amount(pairs=2, frames=3, turns=1, passes=1)
 
 
 @pytest.fixture(scope="module")

@@ -20,14 +20,11 @@ from touchstone.reports.bench.scaling import (
     resting_balls,
     rows_of_curves,
 )
+from touchstone.reports.progress import quietly
 from touchstone.reports.results import table
 from touchstone.reports.verdict.judge import judged
 
 OTHER = "coal"
-
-
-def silence(label: str, count: int) -> None:
-    """No progress."""
 
 
 def test_exponents_of_power_laws_are_exact() -> None:
@@ -58,7 +55,7 @@ def test_exponents_of_power_laws_are_exact() -> None:
 def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> None:
     """Time every engine at every size, the reference at more; one that dies is a row with its reason."""
     monkeypatch.setattr("touchstone.reports.bench.scaling.installed", lambda name: name != "mujoco")
-    curves = balls_at_rest([2, 4], [6], 2, 3, tmp_path, silence, fakes[0])
+    curves = balls_at_rest([2, 4], [6], 2, 3, tmp_path, quietly, fakes[0])
     found = {curve.engine: curve for curve in curves}
     assert found["reference"].sizes == [2, 4, 6]
     assert found["bullet"].sizes == [2, 4]
@@ -100,7 +97,7 @@ def test_balls_rest_on_the_floor_and_apart() -> None:
     np.testing.assert_allclose(world._world.bodies["position"][1:], places, atol=1e-6)
 
 
-SMALL = scaling.Plan(
+SMALL = scaling.Amount(
     pieces=(70, 140),
     cloud_frames=3,
     balls=(2, 4),
