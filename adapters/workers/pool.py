@@ -6,6 +6,7 @@ profile (`children.py`), other tasks an `EngineProcess` per engine.
 
 from __future__ import annotations
 
+import gc
 import queue
 import threading
 import traceback
@@ -176,6 +177,7 @@ class EngineServer:
             if task.engine not in self._engines:
                 self._engines[task.engine] = self._loader(task.engine)
             if command == "load":
+                gc.freeze()  # a collection of all that was imported would disturb times
                 return None
             if self._core is not None:
                 pin(self._core)

@@ -16,10 +16,10 @@ from touchstone.reports.studies.narrow_phase.study import (
     Answered,
     depth_errors,
     normal_errors,
+    report,
     run,
     truth_of,
 )
-from touchstone.reports.views.render import print_parts
 
 PAIRS = 3 * len(FAMILIES)
 OTHER, ABSENT = "coal", "absent"
@@ -93,15 +93,9 @@ def test_files_are_written(results) -> None:
     assert [path.name for path in folder.parent.iterdir()] == ["one"]
 
 
-def test_the_terminal_shows_every_detector(results) -> None:
+def test_the_terminal_shows_every_detector(results, shown) -> None:
     """Print a row per detector and the reason of a skipped one."""
-    from rich.console import Console
-
-    from touchstone.reports.studies.narrow_phase.study import report
-
-    console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    print_parts(report(results[0]), console)
-    text = console.export_text()
+    text = shown(report(results[0]))
     for name in (REFERENCE, OTHER, *FAMILIES):
         assert f"{name} " in text
     assert "missing: absent default: not installed" in text

@@ -222,7 +222,7 @@ def test_a_failed_column_says_why(registry, shown) -> None:
     takes["ball_snip", "mujoco", "recommended"] = Take(
         "mujoco", Settings("recommended", 1 / 540), ended=("missing", "not installed")
     )
-    text = shown(frame, table(frame.rows_of_scene(SCENE, takes)))
+    text = shown(frame.report(table(frame.rows_of_scene(SCENE, takes))))
     assert "missing: mujoco: not installed" in text
     for word in ("bench frame: ball_snip", "bullet recommended posed", "dynamics", "over the fastest", "±"):
         assert word in text

@@ -79,7 +79,7 @@ def test_geometry_skips_what_is_missing(measured, shown) -> None:
     absent = rows[rows.engine == ABSENT]
     reason = "not installed (pip install no_such_package)"
     assert absent[["metric", "verdict", "reason"]].to_numpy().tolist() == [["run", "missing", reason]]
-    assert f"missing: absent: {reason}" in shown(geometry, rows)
+    assert f"missing: absent: {reason}" in shown(geometry.report(rows))
 
 
 def test_geometry_judges_where_a_figure_is_asked(measured) -> None:
@@ -111,7 +111,7 @@ def test_geometry_leaves_a_whole_folder(measured) -> None:
 
 def test_geometry_shows_every_ratio(measured, shown) -> None:
     """Show a line per family and detector, none cut off."""
-    text = shown(geometry, measured[0])
+    text = shown(geometry.report(measured[0]))
     assert "…" not in text
     for family in (*FAMILIES, MOTION):
         assert family in text

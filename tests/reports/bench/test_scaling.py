@@ -72,7 +72,7 @@ def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> 
     # a fake's step sleeps a millisecond per ball at least
     for size, times in zip(found["reference"].sizes, found["reference"].times):
         assert (times >= 1e-3 * size).all()
-    text = shown(scaling, table(rows))
+    text = shown(scaling.report(table(rows)))
     assert "error: dart: died during 'play': exit code 7" in text
 
 
@@ -123,7 +123,7 @@ def test_scaling_leaves_rows_and_picture(fakes, shown, monkeypatch, tmp_path: Pa
     # the fake takes a microsecond a vertex
     assert powers[VERTICES, REFERENCE] == pytest.approx(1.0, abs=1e-12)
     assert (tmp_path / "out" / "scaling.png").read_bytes().startswith(b"\x89PNG")
-    text = shown(scaling, rows)
+    text = shown(scaling.report(rows))
     assert "neighbours each" in text
     assert "20 vertices 3 of 3 not converged" in text
     # dart dies when it first builds, and is asked no more
