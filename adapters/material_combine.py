@@ -19,6 +19,7 @@ MIX_TOLERANCE = 1e-9
 """Tolerance of a combined coefficient [1]: rounding."""
 
 Pairs = dict[tuple[int, int], float]
+Rule = Callable[[float, float], float]
 
 
 def restitutions(scenario: Scenario) -> Pairs:
@@ -69,11 +70,20 @@ def minimum_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -
     The largest coefficient among a body's pairs is the only candidate. Raises Unsupported with the pairs if
     no factors exist.
     """
-    factors = [
-        max((value for pair, value in wanted.items() if k in pair), default=0.0)
-        for k in range(len(scenario.bodies))
-    ]
-    _check(engine, kind, scenario, wanted, factors, min)
+    return _extremes(engine, kind, scenario, wanted, max, min)
+
+
+def maximum_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -> list[float]:
+    """As `minimum_factors`, for engines that take the maximum: the smallest coefficient is the candidate."""
+    return _extremes(engine, kind, scenario, wanted, min, max)
+
+
+def _extremes(
+    engine: str, kind: str, scenario: Scenario, wanted: Pairs, pick: Callable[..., float], rule: Rule
+) -> list[float]:
+    bodies = range(len(scenario.bodies))
+    factors = [pick((value for pair, value in wanted.items() if k in pair), default=0.0) for k in bodies]
+    _check(engine, kind, scenario, wanted, factors, rule)
     return factors
 
 
@@ -93,27 +103,13 @@ def mean_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -> l
     return factors
 
 
-def maximum_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -> list[float]:
-    """Factors per body with max(f_a, f_b) = the pair's coefficient, for engines that take the maximum.
-
-    The smallest coefficient among a body's pairs is the only candidate. Raises Unsupported with the pairs if
-    no factors exist.
-    """
-    factors = [
-        min((value for pair, value in wanted.items() if k in pair), default=0.0)
-        for k in range(len(scenario.bodies))
-    ]
-    _check(engine, kind, scenario, wanted, factors, max)
-    return factors
-
-
 def _check(
     engine: str,
     kind: str,
     scenario: Scenario,
     wanted: Pairs,
     factors: list[float],
-    mix: Callable[[float, float], float],
+    mix: Rule,
 ) -> None:
     missed = [
         (a, b) for (a, b), value in wanted.items() if abs(mix(factors[a], factors[b]) - value) > MIX_TOLERANCE

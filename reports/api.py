@@ -17,8 +17,8 @@ from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, available, registered
 from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.names import checked
-from touchstone.reports.run.request import DEFAULT_PROFILES, REFERENCE, Request, Results, columns_of
 from touchstone.reports.run.study import run as run_study
+from touchstone.reports.runner.request import DEFAULT_PROFILES, REFERENCE, Request, Results, columns_of
 from touchstone.reports.verdict.limits import check_limits
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.named import NoScene, scenes_named
@@ -105,11 +105,11 @@ def sweep(
     Raises:
         ValueError: an unknown name or setting, or a step that does not divide the frame; the message names
             valid ones.
-        touchstone.reports.sweep.store.StoreError: the store is damaged, or it cannot be written.
+        touchstone.reports.runner.store.StoreError: the store is damaged, or it cannot be written.
     """
-    from touchstone.reports.sweep.cells import grid
-    from touchstone.reports.sweep.sweep import sweep as run_sweep
-    from touchstone.reports.sweep.sweep import sweep_timed
+    from touchstone.reports.runner.cells import grid
+    from touchstone.reports.runner.sweep import sweep as run_sweep
+    from touchstone.reports.runner.sweep import sweep_timed
 
     names = [checked("scene", name, catalogue()) for name in _several(scenes)]
     if not names:
@@ -157,7 +157,7 @@ def work_precision(
         `fronts` and `ladder`.
     Raises:
         ValueError: an unknown name; the message names valid ones.
-        touchstone.reports.sweep.store.StoreError: the store is damaged, or it cannot be written.
+        touchstone.reports.runner.store.StoreError: the store is damaged, or it cannot be written.
     """
     from touchstone.reports.studies.work_precision import definitions
     from touchstone.reports.studies.work_precision.points import fronts

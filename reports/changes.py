@@ -35,7 +35,7 @@ from touchstone.adapters.recording import Recording, RecordingError, load
 from touchstone.reports.machine import machine
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import COLUMNS, NUMBERS, UNJUDGED
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.files.read import SceneFileError, data_of_file
 

@@ -36,8 +36,8 @@ from touchstone.reference_impl.frame import prepare, step
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
 from touchstone.reports.results import Row
-from touchstone.reports.run.measure import measured
 from touchstone.reports.verdict.judge import judged, lost
+from touchstone.reports.verdict.rows import measured
 from touchstone.scenarios.avatar.avatar import Parts, avatar_parts, standing_tracker
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.materials import TABLE_1

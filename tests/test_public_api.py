@@ -12,7 +12,7 @@ import touchstone
 from touchstone.reports import api
 from touchstone.reports.metrics.motion.time_series import Course
 from touchstone.reports.results import table
-from touchstone.reports.run.request import Request
+from touchstone.reports.runner.request import Request
 
 PLAY = """
 import touchstone

@@ -55,7 +55,7 @@ _HOME = {
     "run": "touchstone.reports.api",
     "sweep": "touchstone.reports.api",
     "work_precision": "touchstone.reports.api",
-    "Results": "touchstone.reports.run.request",
+    "Results": "touchstone.reports.runner.request",
     "Recording": "touchstone.adapters.recording",
     "load": "touchstone.adapters.recording",
     "scenarios": "touchstone.scenarios",

@@ -1,20 +1,23 @@
 """Pool of child processes that share a list of tasks, and the processes that play them with engines.
 
-All parallel play that is not timed runs here. Timed play has one process per engine and takes turns
-(`children.py`, `variants.py`, `stepping.py`).
+All parallel play that is not timed runs here. Timed play takes turns: runs have one process per engine and
+profile (`children.py`), other tasks an `EngineProcess` per engine.
 """
 
 from __future__ import annotations
 
+import gc
 import queue
 import threading
-from collections.abc import Callable, Iterable, Iterator
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
-from touchstone.adapters.contract import Engine, Settings
+from touchstone.adapters.contract import UNIMPORTABLE, AdapterError, Engine, Settings
 from touchstone.adapters.registry import load, packages_of
-from touchstone.adapters.workers.process import PATIENCE, STARTING, ChildProcess
+from touchstone.adapters.workers.process import PATIENCE, STARTING, ChildProcess, failure_of, pin
 
 Child = TypeVar("Child", bound=ChildProcess)
 Task = TypeVar("Task")
@@ -124,29 +127,89 @@ class EngineTask(Protocol):
         """How to run it."""
 
 
+HANG, CRASH = "hang", "crash"
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """Verdict and reason of a task without a result; `process`: HANG or CRASH if that ended its process."""
+
+    status: str
+    reason: str
+    process: str = ""
+
+
 class EngineProcess(ChildProcess):
-    """Process that keeps engines loaded. Command: `play` (task), which returns `play(engine, task)`."""
+    """Process that keeps engines loaded. Commands: `play` (task), answered by `play(engine, task)` or Ended;
+    `load` (task), its engine alone. With `core`, tasks are played on that processor."""
 
     def __init__(
-        self, play: Callable[..., object], output: Path, loader: Loader = load, patience: float = PATIENCE
+        self,
+        play: Callable[..., object],
+        output: Path,
+        loader: Loader = load,
+        patience: float = PATIENCE,
+        core: int | None = None,
     ) -> None:
-        super().__init__(_Server, (play, loader), output, patience)
+        super().__init__(EngineServer, (play, loader, core), output, patience)
 
     def send(self, command: str, argument: Any = None) -> None:
         """Send a task to a process that finds its engine."""
         self.turn_to(packages_of(argument.engine))
         super().send(command, argument)
 
+    def receive(self, at_least: float = 0.0, waiting: Callable[[], None] | None = None) -> Any:
+        """Result of the last task, or Ended."""
+        found = super().receive(at_least, waiting)
+        return found if self.failure is None else Ended(*self.failure, HANG if self.hung else CRASH)
 
-class _Server:
-    """The child's end: engines, loaded once each."""
 
-    def __init__(self, play: Callable[..., object], loader: Loader) -> None:
-        self._play, self._loader = play, loader
+class EngineServer:
+    """The child's end: engines, loaded once each. What a task raises ends that task alone."""
+
+    def __init__(self, play: Callable[..., object], loader: Loader, core: int | None = None) -> None:
+        self._play, self._loader, self._core = play, loader, core
         self._engines: dict[str, Engine] = {}
 
     def handle(self, command: str, task: EngineTask) -> object:
-        """Play a task."""
-        if task.engine not in self._engines:
-            self._engines[task.engine] = self._loader(task.engine)
-        return self._play(self._engines[task.engine], task)
+        """Play a task, or load its engine."""
+        try:
+            if task.engine not in self._engines:
+                self._engines[task.engine] = self._loader(task.engine)
+            if command == "load":
+                gc.freeze()  # a collection of all that was imported would disturb times
+                return None
+            if self._core is not None:
+                pin(self._core)
+            return self._play(self._engines[task.engine], task)
+        except Exception as error:
+            if not isinstance(error, AdapterError | ImportError):
+                traceback.print_exc()
+            return Ended(*failure_of(error))
+
+
+def played_in_pool(
+    play: Callable[[Engine, Any], object],
+    tasks: Sequence[EngineTask],
+    folder: Path,
+    processes: int,
+    loader: Loader = load,
+    patience: float = PATIENCE,
+) -> Iterator[tuple[int, Any]]:
+    """Number and result of `play(engine, task)`, or Ended, of each task in the order in which they end.
+
+    A process that a task ends is replaced. An engine that cannot be imported is tried once.
+    """
+    unimportable: dict[str, Ended] = {}
+
+    def one(slot: Slot[EngineProcess], number: int) -> list[tuple[int, object]]:
+        engine = tasks[number].engine
+        found = unimportable.get(engine) or slot.child().ask("play", tasks[number])
+        if isinstance(found, Ended) and found.status == UNIMPORTABLE:
+            unimportable[engine] = found
+        return [(number, found)]
+
+    def start(output: Path) -> EngineProcess:
+        return EngineProcess(play, output, loader, patience)
+
+    return Pool(start, min(processes, len(tasks)), folder).each(range(len(tasks)), one)

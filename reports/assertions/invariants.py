@@ -28,9 +28,9 @@ from touchstone.reports.metrics.context import Context, Value, Values
 from touchstone.reports.metrics.motion.energy import energy_rise, mechanical_energy
 from touchstone.reports.metrics.motion.events import bounces
 from touchstone.reports.results import Row
-from touchstone.reports.run.measure import measured_of
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.verdict.limits import limit_of
+from touchstone.reports.verdict.rows import measured_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import UNMOVED, Scenario
 

@@ -19,7 +19,7 @@ from touchstone.adapters.recording import Recording, RecordingError, load
 from touchstone.adapters.registry import installed, missing_reason, profiles_of, registered
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.reports.names import checked
-from touchstone.reports.sweep.content_hash import hash_of_run
+from touchstone.reports.runner.content_hash import hash_of_run
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 

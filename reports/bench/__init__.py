@@ -3,14 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
-from pathlib import Path
-from typing import Protocol
-
-import pandas as pd
-
-from touchstone.reports.cli.progress import Progress
-from touchstone.reports.views.render import Part
+from typing import Any
 
 BENCHES = {
     "geometry": "convex depth: time per query of detectors, on single pairs and on a sliding hand",
@@ -20,18 +13,7 @@ BENCHES = {
 """Name -> measured quantity."""
 
 
-class Bench(Protocol):
-    """A module of this package."""
-
-    steps: Callable[[], int]
-    """Steps of progress of a whole run."""
-    run: Callable[[Path, Progress], pd.DataFrame]
-    """Measure, and store all in a folder that appears complete or not at all."""
-    report: Callable[[pd.DataFrame], list[Part]]
-    """Tables and remarks."""
-
-
-def load(name: str) -> Bench:
-    """The bench called `name`."""
-    bench: Bench = importlib.import_module(f"touchstone.reports.bench.{name}")
-    return bench
+def load(name: str) -> Any:
+    """The module of a bench: `steps()` of progress, `run(folder, progress)`, which measures into a
+    folder that appears complete or not at all, and `report(frame)`, its tables and remarks."""
+    return importlib.import_module(f"touchstone.reports.bench.{name}")

@@ -22,15 +22,15 @@ from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import ENGINES, installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.adapters.workers.process import last_core
-from touchstone.reports.bench.tables import MICRO, limit_text, remarks, spread_text, value_text
 from touchstone.reports.bootstrap import RATIO, STATISTICS, mean, restart_interval, restart_ratio
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of, save, save_manifest, table
-from touchstone.reports.run.measure import measured_of
 from touchstone.reports.run.ratios import FACTORS, Timed, factor_rows, pair_frames, ratio_rows, timed
-from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, step_text
+from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, step_text
+from touchstone.reports.verdict.rows import measured_of
+from touchstone.reports.views.bench_tables import MICRO, limit_text, remarks, spread_text, value_text
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue, tagged

@@ -22,9 +22,8 @@ from touchstone.adapters.detectors import load as load_detector
 from touchstone.adapters.detectors.children import Loader
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench.poses import FAMILIES, hand_slide
-from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, remarks, value_text
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of, save, save_manifest, table
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
 from touchstone.reports.studies.narrow_phase.poses import corners, size_of
@@ -36,6 +35,7 @@ from touchstone.reports.studies.narrow_phase.study import (
     with_ratio,
 )
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.views.render import Part
 
 HEADS = ("family", "detector", "query", "net", "error", "over it", "95 % interval", "limit")
@@ -99,7 +99,7 @@ FALSE = 1e-11
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Amount:
     """Size of the benchmark: pairs per family, frames of the motion, turns of all detectors, passes per
     turn."""
 
@@ -109,41 +109,43 @@ class Plan:
     passes: int = 4
 
 
-PLAN = Plan()
+AMOUNT = Amount()
 
 
-def steps(plan: Plan = PLAN) -> int:
+def steps(amount: Amount = AMOUNT) -> int:
     """Number of queries of all detectors."""
-    return len(SUBJECTS) * (len(FAMILIES) * plan.pairs + plan.frames * len(hand_slide(1)[0]))
+    return len(SUBJECTS) * (len(FAMILIES) * amount.pairs + amount.frames * len(hand_slide(1)[0]))
 
 
-def run(out: Path, progress: Progress, plan: Plan = PLAN, loader: Loader = load_detector) -> pd.DataFrame:
+def run(
+    out: Path, progress: Progress, amount: Amount = AMOUNT, loader: Loader = load_detector
+) -> pd.DataFrame:
     """Measure all detectors; store rows and manifest."""
     with output_folder(out) as folder:
         (folder / "output").mkdir()
         progress("draw pairs", 0)
-        truth, stretches = queries(plan)
+        truth, stretches = queries(amount)
         measured = measure(
-            SUBJECTS, truth.pairs, stretches, plan.turns, plan.passes, folder / "output", progress, loader
+            SUBJECTS, truth.pairs, stretches, amount.turns, amount.passes, folder / "output", progress, loader
         )
         frame = table(judged(row, ()) for row in rows_of_bench(truth, measured))
         save(frame, folder)
         facts = {name: dict(mine.facts) for name, mine in measured.items()}
-        save_manifest(folder, {"study": STUDY, **asdict(plan), "detectors": facts})
+        save_manifest(folder, {"study": STUDY, **asdict(amount), "detectors": facts})
     return frame
 
 
-def queries(plan: Plan) -> tuple[PairTruth, list[Stretch]]:
+def queries(amount: Amount) -> tuple[PairTruth, list[Stretch]]:
     """All queries with their truths, one stretch per family: an application asks one kind of query at a
     time."""
     rng = np.random.default_rng(0)
     pairs: list[Pair] = []
     stretches = []
     for draw in FAMILIES.values():
-        stretches.append(Stretch(len(pairs), len(pairs) + plan.pairs))
-        pairs += [draw(rng) for _ in range(plan.pairs)]
-    motion = hand_slide(plan.frames)
-    stretches.append(Stretch(len(pairs), len(pairs) + plan.frames * len(motion[0]), len(motion[0])))
+        stretches.append(Stretch(len(pairs), len(pairs) + amount.pairs))
+        pairs += [draw(rng) for _ in range(amount.pairs)]
+    motion = hand_slide(amount.frames)
+    stretches.append(Stretch(len(pairs), len(pairs) + amount.frames * len(motion[0]), len(motion[0])))
     pairs += [pair for frame in motion for pair in frame]
     names = (*FAMILIES, MOTION)
     family = np.concatenate([np.full(s.end - s.first, name) for name, s in zip(names, stretches)])

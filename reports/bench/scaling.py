@@ -8,7 +8,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import ceil, sqrt
 from pathlib import Path
@@ -18,22 +19,22 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 
-from touchstone.adapters.contract import MISSING, Array, Settings
+from touchstone.adapters.contract import MISSING, Array, Engine, Settings, World
 from touchstone.adapters.detectors import DETECTORS, UNCONVERGED, Pair
 from touchstone.adapters.detectors import load as load_detector
 from touchstone.adapters.detectors.children import Loader as DetectorLoader
 from touchstone.adapters.engines.reference.box_cloud import Cloud
-from touchstone.adapters.recorder import undisturbed
+from touchstone.adapters.recorder import frame_seconds, undisturbed
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
-from touchstone.adapters.workers.stepping import Loader, Stepper
+from touchstone.adapters.workers.pool import Ended, EngineProcess, Loader
 from touchstone.reports.bench.poses import hull_slide
-from touchstone.reports.bench.tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.bootstrap import exponent, median_interval
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, measure
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.views.pictures import INK, MARKERS, detector_color, figure, panels
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
@@ -101,6 +102,33 @@ def resting_balls(count: int) -> Scenario:
     return Scenario(f"{count} balls", "balls at rest", (), (floor, *balls), 60.0, wood)
 
 
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """The next frames of a scene on an engine."""
+
+    engine: str
+    settings: Settings
+    scenario: Scenario
+    count: int
+
+
+_worlds: dict[str, tuple[World, Iterator[int]]] = {}
+"""Worlds of this process and the numbers of their next frames, by the scene's name."""
+
+
+def frame_times(engine: Engine, task: Frames) -> Array:
+    """Times of the next frames, each without preemption, state not read [s]."""
+    name, settings = task.scenario.name, task.settings
+    world, numbers = _worlds.get(name) or (engine.build(task.scenario, settings), itertools.count())
+    _worlds[name] = world, numbers
+    return np.array(
+        [
+            undisturbed(lambda: frame_seconds(world, task.scenario, settings, next(numbers)))
+            for _ in range(task.count)
+        ]
+    )
+
+
 def balls_at_rest(
     sizes: Sequence[int],
     further: Sequence[int],
@@ -119,34 +147,38 @@ def balls_at_rest(
         if engine == "reference":
             curve.sizes += further
         if installed(engine):
-            children.append((curve, Stepper(engine, output / f"{engine}.txt", loader)))
+            children.append((curve, EngineProcess(frame_times, output / f"{engine}.txt", loader)))
         else:
             curve.ended = (MISSING, missing_reason(engine))
+        curve.times = [np.zeros(0) for _ in curve.sizes]
         curves.append(curve)
     scenes = {size: resting_balls(size) for size in (*sizes, *further)}
+
+    def ask(curve: Curve, child: EngineProcess, size: int, count: int) -> None:
+        if curve.ended is None:
+            child.send("play", Frames(curve.engine, Settings(curve.profile, curve.dt), scenes[size], count))
+
+    def answer(curve: Curve, child: EngineProcess) -> Array:
+        found = child.receive() if curve.ended is None else np.zeros(0)
+        if isinstance(found, Ended):
+            curve.ended, found = (found.status, found.reason), np.zeros(0)
+        return found
+
     try:
-        for _, child in children:
-            child.send("load")
-        for _, child in children:
-            child.receive()
-        for size, scene in scenes.items():
+        for size in scenes:
             asked = [(curve, child) for curve, child in children if size in curve.sizes]
             for curve, child in asked:
-                child.send("build", (scene, Settings(curve.profile, curve.dt), WARM_UP))
+                ask(curve, child, size, WARM_UP)
             for curve, child in asked:
                 progress(f"{curve.engine}: build", 1)
-                child.receive()
-        for curve, _ in children:
-            curve.times = [np.zeros(0)] * len(curve.sizes)
+                answer(curve, child)
         for _ in range(turns):
-            for k, size in enumerate((*sizes, *further)):
+            for k, size in enumerate(scenes):
                 for curve, child in children:
                     if size in curve.sizes:
                         progress(curve.engine, 1)
-                        seconds = child.ask("frames", (scenes[size].name, frames))
-                        curve.times[k] = np.append(curve.times[k], [] if seconds is None else seconds)
-        for curve, child in children:
-            curve.ended = child.failure
+                        ask(curve, child, size, frames)
+                        curve.times[k] = np.append(curve.times[k], answer(curve, child))
     finally:
         for _, child in children:
             child.stop()
@@ -309,7 +341,7 @@ SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-f
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Amount:
     """Sizes, and the number of repetitions."""
 
     pieces: tuple[int, ...] = (100, 320, 1000, 3200, 10_000)
@@ -325,20 +357,20 @@ class Plan:
     hull_turns: int = 3
 
 
-PLAN = Plan()
+AMOUNT = Amount()
 
 
-def steps(plan: Plan = PLAN) -> int:
+def steps(amount: Amount = AMOUNT) -> int:
     """Number of frames of the cloud, builds and turns of the balls, and queries of the detectors."""
-    worlds = len(ENGINES) * len(plan.balls) + len(plan.more_balls)
-    queries = len(SUBJECTS) * len(plan.vertices) * plan.hull_pairs * plan.hull_frames
-    return 5 + plan.cloud_frames + worlds * (1 + plan.ball_turns) + queries
+    worlds = len(ENGINES) * len(amount.balls) + len(amount.more_balls)
+    queries = len(SUBJECTS) * len(amount.vertices) * amount.hull_pairs * amount.hull_frames
+    return 5 + amount.cloud_frames + worlds * (1 + amount.ball_turns) + queries
 
 
 def run(
     out: Path,
     progress: Progress,
-    plan: Plan = PLAN,
+    amount: Amount = AMOUNT,
     loader: Loader = load,
     detector_loader: DetectorLoader = load_detector,
 ) -> pd.DataFrame:
@@ -347,23 +379,23 @@ def run(
     with output_folder(out) as folder:
         output = folder / "output"
         output.mkdir()
-        curves = broad_phase(plan.pieces, plan.cloud_frames, progress)
+        curves = broad_phase(amount.pieces, amount.cloud_frames, progress)
         curves += balls_at_rest(
-            plan.balls, plan.more_balls, plan.ball_turns, plan.ball_frames, output, progress, loader
+            amount.balls, amount.more_balls, amount.ball_turns, amount.ball_frames, output, progress, loader
         )
         curves += hull_vertices(
             SUBJECTS,
-            plan.vertices,
-            plan.hull_pairs,
-            plan.hull_frames,
-            plan.hull_turns,
+            amount.vertices,
+            amount.hull_pairs,
+            amount.hull_frames,
+            amount.hull_turns,
             output,
             progress,
             detector_loader,
         )
         frame = table(judged(row, ()) for row in rows_of_curves(curves))
         save(frame, folder)
-        save_manifest(folder, {"study": STUDY, **asdict(plan)})
+        save_manifest(folder, {"study": STUDY, **asdict(amount)})
         illustrate(folder / "scaling.png", lambda part: draw(frame, part))
     return frame
 

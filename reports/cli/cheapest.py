@@ -63,7 +63,8 @@ def cheapest(
     apart from it: all are named.
     """
     from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.docs.listing import show_rows
+    from touchstone.reports.runner.store import StoreError
     from touchstone.reports.studies.work_precision.cheapest import cheapest as find
     from touchstone.reports.studies.work_precision.cheapest import (
         missing_quantities,
@@ -71,7 +72,6 @@ def cheapest(
     )
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
     from touchstone.reports.studies.work_precision.study import StudyCells, measure
-    from touchstone.reports.sweep.store import StoreError
     from touchstone.scenarios.catalogue import catalogue
 
     scene = catalogue()[known("scenario", scenario, catalogue())]
@@ -169,7 +169,7 @@ def lines(answer: Answer, limits: dict[str, float]) -> list[str]:
 
 def words_of(setting: MeasuredSetting) -> str:
     """A setting and its time, with the range of the rounds."""
-    from touchstone.reports.run.request import step_text
+    from touchstone.reports.runner.request import step_text
     from touchstone.reports.studies.work_precision.study import number
 
     label = f"{setting.engine} {setting.profile} {setting.settings}".strip()
@@ -228,11 +228,11 @@ def tune(
     Exit code 1: no setting reaches the limits; the nearest is printed.
     """
     from touchstone.adapters.contract import AdapterError
+    from touchstone.reports.runner.executors import ClusterError, DaskPool
+    from touchstone.reports.runner.store import StoreError
     from touchstone.reports.studies.study import RefusedError
     from touchstone.reports.studies.tuning import Asked, Search
     from touchstone.reports.studies.work_precision.cheapest import TIME
-    from touchstone.reports.sweep.clusters import ClusterError, DaskPool
-    from touchstone.reports.sweep.store import StoreError
 
     if not engine:
         stop("tune: name the engine whose settings are searched, such as --engine mujoco", BAD_INPUT)
@@ -270,7 +270,7 @@ def tune(
             if not quiet or out is not None:
                 print("\n".join(tuned_lines(asked, found, pasted)))
         else:
-            from touchstone.reports.cli.listing import show_rows
+            from touchstone.reports.docs.listing import show_rows
 
             show_rows(tuned_rows(asked, found, pasted), output)
     if not found.met:

@@ -32,7 +32,7 @@ def check_engine(
     quiet: QuietOption = False,
 ) -> None:
     """Play small scenes with known outcomes on an engine; say what its adapter does wrong."""
-    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.docs.listing import show_rows
 
     engine = engine_installed(name)
     rows: list[dict[str, object]] = []
@@ -98,7 +98,7 @@ def environment_rows() -> list[tuple[str, str, str]]:
 
 def libraries() -> list[tuple[str, str]]:
     """(library, version) of the libraries on which results depend."""
-    from touchstone.reports.cli.listing import package_version
+    from touchstone.reports.docs.listing import package_version
 
     return [(name, package_version(name) or "not installed") for name in LIBRARIES]
 
@@ -126,7 +126,7 @@ def doctor(
 ) -> None:
     """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
     from touchstone.adapters.engines.reference.compile_progress import announcement
-    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.docs.listing import show_rows
     from touchstone.reports.machine import machine
 
     found = [(str(key), str(value), "") for key, value in machine().items()]

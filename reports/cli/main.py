@@ -40,7 +40,6 @@ from touchstone.reports.cli.options import (
 )
 from touchstone.reports.cli.own_environments import env
 from touchstone.reports.cli.own_environments import install as install_environments
-from touchstone.reports.cli.progress import Progress, stepping_aside
 from touchstone.reports.cli.runs.stored import compare, failings, judge, tolerances, view
 from touchstone.reports.cli.runs.versions import versions
 from touchstone.reports.cli.scenes.chosen import (
@@ -56,11 +55,12 @@ from touchstone.reports.cli.scenes.reproducing import reproduce
 from touchstone.reports.cli.scenes.robots import check_robot, import_robot
 from touchstone.reports.cli.studies import bench, reality, study
 from touchstone.reports.cli.sweep import soak, sweep
+from touchstone.reports.progress import Progress, stepping_aside
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from touchstone.reports.run.request import Request
+    from touchstone.reports.runner.request import Request
     from touchstone.scenarios.scenario import Scenario
 
 HELP = "Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of its scenes."
@@ -171,8 +171,8 @@ def run(
     from touchstone.adapters.contract import DRIVES
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
-    from touchstone.reports.run.request import TooLargeError, check_memory, limited
     from touchstone.reports.run.study import run as run_study
+    from touchstone.reports.runner.request import TooLargeError, check_memory, limited
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
     scenarios = _tracked(scenarios_for(scenario or [], tag, hold_last, allow_paths), tracker, drive)
@@ -262,7 +262,7 @@ def _request(
     out: Path | None,
 ) -> Request:
     """The request for the arguments; a wrong argument exits with one line."""
-    from touchstone.reports.run.request import DEFAULT_PROFILES, Request
+    from touchstone.reports.runner.request import DEFAULT_PROFILES, Request
 
     columns = columns_for(engines, profiles, DEFAULT_PROFILES)
     step = _step(dt, scenarios) if dt is not None else None
@@ -299,7 +299,7 @@ def _step(text: str, scenarios: Iterable[Scenario]) -> float:
 @app.command("list")
 def list_things(what: Listing, out: PrintedOutOption = None, output: FormatOption = Format.table) -> None:
     """List scenarios, engines, metrics, profiles, settings of every engine, or known failings."""
-    from touchstone.reports.cli.listing import LISTS, show_rows
+    from touchstone.reports.docs.listing import LISTS, show_rows
 
     with output_to(out):
         show_rows(LISTS[what](), output)
@@ -334,7 +334,7 @@ def show(
         stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one", BAD_INPUT)
     with output_to(out):
         if effects:
-            from touchstone.reports.cli.listing import effect_rows, show_rows
+            from touchstone.reports.docs.listing import effect_rows, show_rows
 
             show_rows(effect_rows(chosen, cost), output)
         else:
@@ -342,7 +342,7 @@ def show(
 
 
 def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format) -> None:
-    from touchstone.reports.cli.listing import show_rows, surface_lines, truth_lines
+    from touchstone.reports.docs.listing import show_rows, surface_lines, truth_lines
     from touchstone.scenarios.scenario import UNMOVED
 
     if model_card:

@@ -22,7 +22,7 @@ from touchstone.reports.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from touchstone.reports.nightly.night import Measured
+    from touchstone.reports.nightly.night import NightResults
     from touchstone.reports.nightly.store import Night, Store
     from touchstone.reports.nightly.verdict import Finding
 
@@ -38,7 +38,7 @@ def nightly(
     """Measure all scenes, store the night, and compare it with the accepted night and with those before."""
     from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes, working_folder
     from touchstone.reports.nightly.store import Store, StoreError
-    from touchstone.reports.run.request import DEFAULT_PROFILES, columns_of
+    from touchstone.reports.runner.request import DEFAULT_PROFILES, columns_of
 
     columns = columns_of(_engines(), QUICK_PROFILES if quick else DEFAULT_PROFILES)
     settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}
@@ -83,7 +83,7 @@ def _engines() -> list[str]:
 
 
 def _publish(
-    store: Store, nights: list[Night], night: Night, measured: Measured
+    store: Store, nights: list[Night], night: Night, measured: NightResults
 ) -> tuple[list[Finding], str, Path]:
     """Compare the night, and write its pages; what was measured is stored already. Returns the findings, the
     verdict in one sentence, and the page."""

@@ -19,7 +19,7 @@ from touchstone.reports.names import checked
 if TYPE_CHECKING:
     import pandas as pd
 
-    from touchstone.reports.cli.progress import Progress
+    from touchstone.reports.progress import Progress
     from touchstone.reports.views.render import Part
 
 LIMIT_BROKEN, BAD_INPUT, ENGINE_MISSING, NOT_JUDGED, ENGINE_FAILED = 1, 2, 3, 4, 5
@@ -113,7 +113,7 @@ def columns_for(
     Where no profile is named, an engine that has none of `default` plays its first.
     """
     from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.run.request import columns_of
+    from touchstone.reports.runner.request import columns_of
 
     names = engines_named(engines) or list(ENGINES)
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
@@ -277,7 +277,7 @@ def tell_failures(frame: pd.DataFrame, by_name: bool = False) -> None:
 
 def progress_for(total: int, quiet: bool, by_scene: bool = False):  # type: ignore[no-untyped-def]
     """Progress on standard error over a total of steps; off a terminal one line per scene or per task."""
-    from touchstone.reports.cli.progress import bar, lines, silence
+    from touchstone.reports.progress import bar, lines, silence
 
     if quiet:
         return silence()
@@ -310,7 +310,7 @@ def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[P
     """Progress over a total of steps; an input that a study refuses, a disk error, or a study that would take
     longer than STUDY_LONGEST without `--yes`, exits with one line."""
     from touchstone.reports.output_folder import OutputError
-    from touchstone.reports.run.request import STUDY_LONGEST, TooLargeError, limited
+    from touchstone.reports.runner.request import STUDY_LONGEST, TooLargeError, limited
 
     refused: tuple[type[Exception], ...] = (OutputError, TooLargeError, *refusals)
     try:

@@ -37,7 +37,7 @@ def add(name: Engine) -> None:
 @env.command("list")
 def list_environments(out: PrintedOutOption = None, output: FormatOption = Format.table) -> None:
     """List environments: whether they are added and whole, their sizes and folders."""
-    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.docs.listing import show_rows
 
     with output_to(out):
         show_rows([row_of(one) for one in environments()], output)

@@ -33,7 +33,7 @@ from touchstone.reports.cli.options import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from touchstone.reports.cli.progress import Progress
+    from touchstone.reports.progress import Progress
     from touchstone.reports.views.render import Part
     from touchstone.scenarios.files.pair_file import GivenPair
     from touchstone.scenarios.scenario import Scenario
@@ -79,8 +79,8 @@ def studied(
 
     def register(asked_for: Callable[..., StudyRequest]) -> Callable[..., StudyRequest]:
         def command(out: Path | None, output: Format, yes: bool, quiet: bool, **own: Any) -> None:
+            from touchstone.reports.runner.store import StoreError
             from touchstone.reports.studies.study import RefusedError
-            from touchstone.reports.sweep.store import StoreError
 
             folder = out or folder_of_now(f"{name}-")
             try:
@@ -266,7 +266,7 @@ def robustness(
     profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
 ) -> StudyRequest:
     """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
-    from touchstone.reports.studies.robustness import study as module
+    from touchstone.reports.studies import robustness as module
     from touchstone.scenarios.random_scenes import ALL_KINDS
 
     columns = columns_for(engine or ["reference"], profile or [], module.PROFILES)

@@ -71,12 +71,12 @@ def sweep(
 ) -> None:
     """Measure every combination of scene, engine, profile and step, each once."""
     from touchstone.adapters.knobs import SettingError
-    from touchstone.reports.run.request import DEFAULT_PROFILES
-    from touchstone.reports.sweep.cells import grid
-    from touchstone.reports.sweep.clusters import ClusterError, DaskPool, PartError, part_of
-    from touchstone.reports.sweep.store import StoreError
-    from touchstone.reports.sweep.sweep import sweep as run_sweep
-    from touchstone.reports.sweep.sweep import sweep_timed
+    from touchstone.reports.runner.cells import grid
+    from touchstone.reports.runner.executors import ClusterError, DaskPool, PartError, part_of
+    from touchstone.reports.runner.request import DEFAULT_PROFILES
+    from touchstone.reports.runner.store import StoreError
+    from touchstone.reports.runner.sweep import sweep as run_sweep
+    from touchstone.reports.runner.sweep import sweep_timed
 
     if slurm_script is not None:
         require_new(slurm_script, "--slurm-script")
@@ -107,8 +107,8 @@ def sweep(
         else:
             frame = run_sweep(cells, out, jobs=jobs, executor=executor, progress=progress)
     if not printed(frame, output) and not quiet:
-        from touchstone.reports.sweep.table import report
         from touchstone.reports.views.render import console, print_parts
+        from touchstone.reports.views.sweep_table import report
 
         print_parts(report(frame), console())
         print(f"store: {out}")
@@ -120,7 +120,7 @@ def sweep(
 
 def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:
     """Write the array job of this command; its store is named by its absolute path."""
-    from touchstone.reports.sweep.clusters import script
+    from touchstone.reports.runner.executors import script
 
     arguments = without(sys.argv[2:], "--slurm-script", "--out", "--part", "--jobs")
     text = script([*arguments, "--out", str(out.resolve())], cells)
@@ -193,9 +193,9 @@ def soak(
 ) -> None:
     """Play random scenes on the reference for as long as asked; shrink each failure to its smallest scene."""
     from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.cli.listing import show_rows
-    from touchstone.reports.soak.soak import Extent
-    from touchstone.reports.soak.soak import soak as run
+    from touchstone.reports.docs.listing import show_rows
+    from touchstone.reports.studies.soak import Extent
+    from touchstone.reports.studies.soak import soak as run
 
     known("profile", profile, ENGINES["reference"].profiles)
     folder = out or folder_of_now("soak-")

@@ -18,7 +18,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.knobs import Setting, SettingError, split
 from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.adapters.scripts.process import settings_lines
-from touchstone.reports.cli.listing import metric_rows, profile_rows, scenario_rows, setting_rows
+from touchstone.reports.docs.listing import metric_rows, profile_rows, scenario_rows, setting_rows
 from touchstone.reports.studies.tuning import values_of
 from touchstone.scenarios.catalogue import catalogue
 

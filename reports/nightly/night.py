@@ -27,11 +27,11 @@ import pyarrow
 from touchstone.adapters.registry import ENGINES, installed
 from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.scratch import locked, scratch_folder
-from touchstone.reports.cli.progress import SCENE, Progress
 from touchstone.reports.nightly.store import Night, cache_folder, identity, same_night
+from touchstone.reports.progress import SCENE, Progress
 from touchstone.reports.results import COLUMNS, Row, rows_of, table, write_beside
-from touchstone.reports.run.request import Request, Results, columns_of, step_text
 from touchstone.reports.run.study import measure_scene
+from touchstone.reports.runner.request import Request, Results, columns_of, step_text
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SURVIVED
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.difficulty.family import families
@@ -156,7 +156,7 @@ def _hard(names: Sequence[str], out: Path, scratch: Path, progress: Progress) ->
 
 def _robustness(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
     """Random scenes on the reference: energy, overlap, residual."""
-    from touchstone.reports.studies.robustness.study import run, tasks
+    from touchstone.reports.studies.robustness import run, tasks
 
     columns = (("reference", "balanced"), ("reference", "accurate"))
     return run(columns, tasks(columns, 30, 0, None, 0.0), out, progress)
@@ -194,7 +194,7 @@ OLDEST = 20 * 3600.0
 
 
 @dataclass
-class Measured:
+class NightResults:
     """A measured night: identity, long table, packed recordings per scene, manifests of the engines."""
 
     identity: dict[str, Any]
@@ -218,7 +218,7 @@ def measure(
     work: tuple[Path, dict[str, Any]],
     progress: Progress,
     before: Sequence[Night] = (),
-) -> Measured:
+) -> NightResults:
     """Measure the scenes that the night has not measured yet, and the studies that are due.
 
     Args:
@@ -228,7 +228,7 @@ def measure(
     start = time.monotonic()
     folder, facts = work
     settings = facts["settings"]
-    found = Measured(facts, table([]))
+    found = NightResults(facts, table([]))
     missing = [scene for scene in chosen if _finished(folder, scene.name, UNIT) is None]
     found.continued = len(chosen) - len(missing)
     with Children() as children, scratch_folder() as scratch:
@@ -248,7 +248,7 @@ def measure(
 
 
 def _measure_studies(
-    found: Measured, folder: Path, before: Sequence[Night], quick: bool, start: float, progress: Progress
+    found: NightResults, folder: Path, before: Sequence[Night], quick: bool, start: float, progress: Progress
 ) -> list[pd.DataFrame]:
     """Tables of the studies that are due; one that fails is a fault, and due again the next night."""
     left = QUICK_SECONDS - (time.monotonic() - start) if quick else inf

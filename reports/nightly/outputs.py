@@ -10,15 +10,15 @@ from xml.etree import ElementTree
 
 import pandas as pd
 
-from touchstone.reports.nightly.night import Measured
+from touchstone.reports.nightly.night import NightResults
 from touchstone.reports.nightly.store import Night
 from touchstone.reports.nightly.verdict import CHANGE, GONE, ORDER, REGRESSION, WARNING, Finding, ordered
 from touchstone.reports.page import charts
 from touchstone.reports.page.html import Change, Content
 from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
-from touchstone.reports.run.reproduce import reproduce
-from touchstone.reports.run.request import REFERENCE, STUDY
+from touchstone.reports.runner.reproduce import reproduce
+from touchstone.reports.runner.request import REFERENCE, STUDY
 from touchstone.reports.views.matrix import BAD, GOOD, WARN, plural, verdict_of
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
@@ -121,7 +121,7 @@ def history_table(history: pd.DataFrame, nights: Mapping[int, Night]) -> Part:
 
 def write_page(
     folder: Path,
-    measured: Measured,
+    measured: NightResults,
     level: str,
     verdict: str,
     findings: Sequence[Finding],

@@ -30,7 +30,7 @@ class Linked:
         return f"<span{hover}>{escape(self.text)}</span>" if hover else escape(self.text)
 
 
-Cell = str | Linked | Sequence[str | Linked]
+Inline = str | Linked | Sequence[str | Linked]
 """A cell of a table: a text, or parts of one."""
 
 
@@ -52,7 +52,7 @@ def figure(title: str, svg: str) -> str:
     return f'<figure class="chart"><figcaption>{escape(title)}</figcaption>{svg}</figure>'
 
 
-def plain_table(heads: Sequence[str], rows: Iterable[Sequence[Cell]], left: int = 1) -> str:
+def plain_table(heads: Sequence[str], rows: Iterable[Sequence[Inline]], left: int = 1) -> str:
     """A table; the first `left` columns hold words."""
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
     lines = []
@@ -70,12 +70,12 @@ def part_body(part: Part) -> str:
     return table + "".join(f"<p>{escape(str(line))}</p>" for line in (*part.notes, *part.lines))
 
 
-def _html(cell: Cell) -> str:
+def _html(cell: Inline) -> str:
     parts = [cell] if isinstance(cell, (str, Linked)) else cell
     return "".join(part.html if isinstance(part, Linked) else escape(part) for part in parts)
 
 
-def long_table(heads: Sequence[str], rows: Sequence[Sequence[Cell]], shown: int, left: int = 1) -> str:
+def long_table(heads: Sequence[str], rows: Sequence[Sequence[Inline]], shown: int, left: int = 1) -> str:
     """A table whose rows beyond the first `shown` are folded away."""
     first = plain_table(heads, rows[:shown], left)
     rest = rows[shown:]

@@ -8,9 +8,9 @@ from html import escape
 from math import isfinite
 
 from touchstone.reports.metrics import METRICS, label
-from touchstone.reports.page.html import Cell, Change, Linked, fold, long_table
+from touchstone.reports.page.html import Change, Inline, Linked, fold, long_table
 from touchstone.reports.results import Row
-from touchstone.reports.run.reproduce import reproduce, script_command
+from touchstone.reports.runner.reproduce import reproduce, script_command
 from touchstone.reports.views.matrix import (
     LIMITS,
     TOPICS,
@@ -129,7 +129,7 @@ def changes_part(changes: Sequence[Change], scenes: Collection[str]) -> str:
     parts = []
     for number, kind in enumerate(kinds):
         mine = [change for change in changes if change.kind == kind]
-        rows: list[list[Cell]] = [
+        rows: list[list[Inline]] = [
             [
                 scene_part(change.scene, scenes),
                 change.engine,
@@ -182,7 +182,7 @@ def causes_table(rows: Iterable[Row], scenes: Collection[str]) -> str:
     return long_table(heads, lines, SHOWN, len(heads))
 
 
-def _line(found: Sequence[Row], scenes: Collection[str]) -> list[Cell]:
+def _line(found: Sequence[Row], scenes: Collection[str]) -> list[Inline]:
     worst = found[0]
     others = list(dict.fromkeys(row.scenario for row in found if row.scenario != worst.scenario))
     also: list[str | Linked] = []

@@ -34,7 +34,7 @@ from touchstone.scenarios.files.safe_paths import regular
 from touchstone.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
-    from touchstone.reports.run.request import Request, Results
+    from touchstone.reports.runner.request import Request, Results
 
 
 def packed_scene(scenario: Scenario, played: Mapping[tuple[str, str], Context]) -> dict[str, str]:

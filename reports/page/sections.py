@@ -9,13 +9,13 @@ import pandas as pd
 
 from touchstone.reports.metrics import label
 from touchstone.reports.page import charts
-from touchstone.reports.page.html import Cell, Content, figure, fold, long_table, part_body, plain_table
+from touchstone.reports.page.html import Content, Inline, figure, fold, long_table, part_body, plain_table
 from touchstone.reports.page.matrix import SHOWN, metric_part, remarks, scene_part, valued
 from touchstone.reports.results import NOT_RUN, Row, rows_of
-from touchstone.reports.run.farthest_apart import headlines
-from touchstone.reports.run.reproduce import reproduce
-from touchstone.reports.run.request import REFERENCE
+from touchstone.reports.runner.reproduce import reproduce
+from touchstone.reports.runner.request import REFERENCE
 from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
+from touchstone.reports.views.apart import headlines
 from touchstone.reports.views.losses import losses
 from touchstone.reports.views.tables import MARKS, exact_number, grid
 
@@ -130,7 +130,7 @@ def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str
     """Metrics of one scene in every column that played: all, or those that miss a limit."""
     cells = grid(content.frame, scene)
     heads = ["metric", "unit", *(f"{engine} {profile} {step} s" for engine, profile, step in cells.heads)]
-    lines: list[list[Cell]] = [
+    lines: list[list[Inline]] = [
         [metric_part(metric, subject), "" if unit == "1" else unit, *(cell.marked for cell in line)]
         for metric, subject, unit, line in cells.rows
         if full or any(cell.verdict in MARKS for cell in line)
@@ -154,7 +154,7 @@ def reference_loses(frame: pd.DataFrame, scenes: Collection[str]) -> str:
     """Scenes and metrics in which another engine does better than the reference."""
     if not (frame.engine == REFERENCE).any():
         return "<p>The reference did not play.</p>"
-    lines: list[list[Cell]] = []
+    lines: list[list[Inline]] = []
     for metric, loss in ((metric, loss) for lost in losses(frame).values() for metric, loss in lost.items()):
         mine, best = loss.first, loss.best
         ratio = f"{abs(mine.value / best.value):.3g} times" if best.value else ""

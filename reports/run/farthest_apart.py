@@ -7,7 +7,7 @@ Driven bodies count as one, by the link that is farthest apart; fixed and prescr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import combinations
 from math import inf, nan
@@ -18,15 +18,14 @@ from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import load
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.adapters.workers.scratch import scratch_folder
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics import HORIZON, SPREAD
 from touchstone.reports.metrics.context import Context
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
-from touchstone.reports.run.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY
-from touchstone.reports.studies.work_precision.definitions import HORIZON_DISTANCE, PERTURBED_SEEDS
-from touchstone.reports.studies.work_precision.errors import closed_path
-from touchstone.reports.sweep.cells import PERTURBATION
-from touchstone.reports.sweep.measures import moving
+from touchstone.reports.runner.cells import PERTURBATION
+from touchstone.reports.runner.measures import HORIZON_DISTANCE, PERTURBED_SEEDS, closed_path, moving
+from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY
+from touchstone.reports.views.apart import length_text
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import perturbed
 
@@ -34,10 +33,6 @@ Column = tuple[str, str]
 Pair = tuple[Column, Column]
 THRESHOLD = 1e-3
 """Distance from which on columns count as apart [m]: the error of a position that most users accept."""
-TITLE = "farthest apart"
-HEADS = ("scene", "body", "distance", "")
-BODIES_SHOWN = 8
-"""Bodies of a table that are shown; those beyond are counted."""
 
 
 def apart_rows(
@@ -131,22 +126,3 @@ def _farthest(distances: Mapping[Pair, Array], frame_rate: float) -> tuple[float
         outlier = min(left, key=lambda column: left[column])
         text += f"; {length_text(left[outlier])} without {' '.join(outlier)}"
     return peaks[pair], text
-
-
-def length_text(value: float) -> str:
-    """A length in m, mm or um."""
-    unit, size = next((one for one in (("m", 1.0), ("mm", 1e-3)) if value >= one[1]), ("um", 1e-6))
-    return f"{value / size:.3g} {unit}"
-
-
-def apart_table(rows: Sequence[Row]) -> list[list[str]]:
-    """Lines under HEADS of the bodies that are farthest apart, over all scenes."""
-    rows = sorted((row for row in rows if row.metric == SPREAD), key=lambda row: -row.value)
-    lines = [[row.scenario, row.subject, length_text(row.value), row.reason] for row in rows[:BODIES_SHOWN]]
-    more = len(rows) - len(lines)
-    return [*lines, ["", f"and {more} more", f"at most {lines[-1][2]}", ""]] if more else lines
-
-
-def headlines(scene: Sequence[Row]) -> list[str]:
-    """The farthest body of a scene in one line; nothing where nothing is compared."""
-    return [f"{TITLE}: {body}, {size}: {text}" for _, body, size, text in apart_table(scene)[:1]]

@@ -9,12 +9,12 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recording import scene_of_text
 from touchstone.adapters.workers.children import Job, Outcome
 from touchstone.reports.changes import RunError, label_of, recordings_of, table_of
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics import HORIZON
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, save, save_manifest, table
-from touchstone.reports.run.request import Request, Results
 from touchstone.reports.run.study import judge_outcomes
+from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.verdict.limits import Limit
 from touchstone.scenarios.scenario import Scenario
 

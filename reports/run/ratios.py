@@ -23,9 +23,9 @@ from touchstone.adapters.registry import ENGINES
 from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, mean, restart_ratio
 from touchstone.reports.metrics.context import ROUNDING
 from touchstone.reports.results import UNJUDGED, Row
-from touchstone.reports.run.reproduce import reproduce
-from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
 from touchstone.reports.run.time_limits import POSED_LABEL, judged_time, kind_of
+from touchstone.reports.runner.reproduce import reproduce
+from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
 from touchstone.reports.verdict.limits import is_foreign
 from touchstone.scenarios.scenario import Scenario
 

@@ -12,11 +12,11 @@ from touchstone.adapters.engines.entry import ENGINES
 from touchstone.adapters.scripts.process import Script, distance, run, written
 from touchstone.adapters.scripts.script import WIDTH
 from touchstone.adapters.workers.scratch import scratch_folder
-from touchstone.reports.cli.progress import Progress
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.run.reproduce import script_command
-from touchstone.reports.run.request import Request, step_text
 from touchstone.reports.run.study import run as play
+from touchstone.reports.runner.reproduce import script_command
+from touchstone.reports.runner.request import Request, step_text
 from touchstone.scenarios.scenario import Scenario
 
 MISSED = ("fail", "known", "error")

@@ -14,18 +14,18 @@ from touchstone.adapters.contract import MISSING
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job, Outcome
-from touchstone.reports.cli.progress import SCENE, Progress
 from touchstone.reports.metrics import SPREAD
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.page.run_page import packed_scene, write_page
+from touchstone.reports.progress import SCENE, Progress
 from touchstone.reports.results import Row, save, save_manifest, table, write_beside
 from touchstone.reports.run.farthest_apart import apart_rows, measured_horizon
-from touchstone.reports.run.measure import excused, measured_of
 from touchstone.reports.run.ratios import ratio_rows, timed
-from touchstone.reports.run.request import MACHINE_PROFILE, STUDY, Request, Results
+from touchstone.reports.runner.request import MACHINE_PROFILE, STUDY, Request, Results
 from touchstone.reports.verdict.judge import judged_in, lost
+from touchstone.reports.verdict.rows import excused, measured_of
 from touchstone.reports.views.comparison_pictures import draw, draw_forces
 from touchstone.reports.views.frame_budget import write_picture
 from touchstone.reports.views.markdown import report
@@ -140,6 +140,14 @@ def measure_scene(
     return judge_outcomes(request, scenario, outcomes, results, progress, horizon) + missing
 
 
+def job_of(request: Request, scenario: Scenario, engine: str, profile: str, folder: Path) -> Job:
+    """The job of a column of a scene; `folder` has `recordings` and `output`."""
+    settings = request.settings(engine, profile)
+    name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
+    files = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
+    return Job(engine, scenario, settings, *files, request.budget)
+
+
 def _play(
     request: Request, scenario: Scenario, folder: Path, children: Children, progress: Progress
 ) -> tuple[list[Outcome], list[Row]]:
@@ -149,10 +157,7 @@ def _play(
             row = Row(STUDY, scenario.name, engine, profile, float("nan"), "run")
             missing.append(replace(row, verdict=MISSING, reason=missing_reason(engine)))
             continue
-        settings = request.settings(engine, profile)
-        name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
-        recording, output = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
-        jobs.append(Job(engine, scenario, settings, recording, output, request.budget))
+        jobs.append(job_of(request, scenario, engine, profile, folder))
     return children.play(jobs, progress), missing
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import pandas as pd
 
 from touchstone.reports.results import Row, is_undecided, rows_of, write_beside
-from touchstone.reports.run.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
+from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
 
 OWN, EQUAL, POSED = "own steps", "equal steps", "posed"
 """Kinds of comparison: each engine at its recommended step; all at one step; engines with kinematic links."""

@@ -26,14 +26,15 @@ from touchstone.adapters.engines.reference import variable
 from touchstone.adapters.engines.reference.settings import PAPER
 from touchstone.adapters.recorder import build, frame_seconds, ready
 from touchstone.adapters.registry import load
-from touchstone.reports.cli.progress import Progress
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
-from touchstone.reports.run.measure import measured
+from touchstone.reports.runner.tasks import own_step, played
 from touchstone.reports.studies.study import RefusedError, kept, with_interval
-from touchstone.reports.studies.tasks import Ended, own_step, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import EXACT, judge, judge_random
+from touchstone.reports.verdict.rows import measured
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes, panels
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number

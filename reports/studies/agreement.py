@@ -25,21 +25,16 @@ from scipy.stats import linregress, t
 
 from touchstone.adapters.contract import DRIVES, Array, Engine
 from touchstone.adapters.registry import ENGINES, installed
-from touchstone.reports.cli.progress import Progress
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.cells import Cell, grid
+from touchstone.reports.runner.request import step_text
+from touchstone.reports.runner.sweep import sweep
+from touchstone.reports.runner.tasks import PROCESSES, Task, own_profile, own_settings, own_step, played
 from touchstone.reports.studies.study import RefusedError, failures, kept, missing_rows
-from touchstone.reports.studies.tasks import (
-    PROCESSES,
-    Ended,
-    Task,
-    own_profile,
-    own_settings,
-    own_step,
-    played,
-)
 from touchstone.reports.studies.work_precision.definitions import (
     FINER,
     REFERENCE,
@@ -48,8 +43,6 @@ from touchstone.reports.studies.work_precision.definitions import (
 )
 from touchstone.reports.studies.work_precision.errors import errors_of
 from touchstone.reports.studies.work_precision.points import SweptRuns
-from touchstone.reports.sweep.cells import Cell, grid
-from touchstone.reports.sweep.sweep import sweep
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number

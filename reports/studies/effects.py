@@ -24,16 +24,17 @@ from rich.text import Text
 
 from touchstone.adapters.contract import Array, Engine
 from touchstone.adapters.registry import installed, load
+from touchstone.adapters.workers.pool import Ended
 from touchstone.adapters.workers.process import COMPILE_PATIENCE
 from touchstone.adapters.workers.variants import Pace, Variant, plan_seconds, play
-from touchstone.reports.bench.tables import MICRO, limit_text, remarks, value_text
 from touchstone.reports.bootstrap import median_interval, time_ratio
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
+from touchstone.reports.runner.tasks import Task, own_profile, own_settings, played
 from touchstone.reports.studies.study import kept, missing_rows, with_interval
-from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, played
 from touchstone.reports.verdict.judge import judged
+from touchstone.reports.views.bench_tables import MICRO, limit_text, remarks, value_text
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, marker_of
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number

@@ -20,11 +20,12 @@ from touchstone.adapters.contract import Array, Engine, Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, installed
-from touchstone.reports.cli.progress import Progress
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
+from touchstone.reports.runner.tasks import played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows, with_interval
-from touchstone.reports.studies.tasks import Ended, played
 from touchstone.reports.views.pictures import INK, PALE, figure, headline
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Scenario

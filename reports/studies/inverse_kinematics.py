@@ -28,8 +28,8 @@ from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
 from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reference_impl.paper.ccd_ik import CCD_PASSES, CCD_TOLERANCE, ccd_ik
 from touchstone.reports.bootstrap import median_interval, time_ratio
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.study import RefusedError, failures, kept, with_interval
 from touchstone.reports.verdict.judge import judged

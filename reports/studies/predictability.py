@@ -24,12 +24,13 @@ from rich.text import Text
 from touchstone.adapters.contract import Array, Engine
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, installed
-from touchstone.reports.cli.progress import Progress
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
+from touchstone.reports.runner.measures import moving
+from touchstone.reports.runner.tasks import Task, own_profile, own_settings, own_step, played
 from touchstone.reports.studies.study import failures, kept, missing_rows, with_interval
-from touchstone.reports.studies.tasks import Ended, Task, own_profile, own_settings, own_step, played
-from touchstone.reports.sweep.measures import moving
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import (
     INK,

@@ -21,11 +21,12 @@ from touchstone.adapters.knobs import Range
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, installed, settings_of
-from touchstone.reports.cli.progress import Progress
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
+from touchstone.reports.runner.tasks import Task, played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
-from touchstone.reports.studies.tasks import Ended, Task, played
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, marker_of, open_axes
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import tagged

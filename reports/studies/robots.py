@@ -15,8 +15,8 @@ from touchstone.adapters.oracles.robot_file import EQUAL, READERS, deviations, t
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.robot_scene import Imported, imported
 from touchstone.adapters.robots.source import compiled
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.study import kept
 from touchstone.reports.views.render import Part

@@ -13,7 +13,7 @@ import pandas as pd
 from touchstone.adapters.contract import MISSING
 from touchstone.adapters.registry import installed, missing_reason
 from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
-from touchstone.reports.studies.tasks import own_step
+from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 

@@ -18,14 +18,16 @@ from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.knobs import Choice, Numbers, Range, Setting, split
 from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, settings_of
-from touchstone.reports.cli.progress import Progress
+from touchstone.reports.progress import Progress
+from touchstone.reports.runner.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
+from touchstone.reports.runner.executors import Executor, InTurns
+from touchstone.reports.runner.measures import closed_path
+from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.studies.study import RefusedError
 from touchstone.reports.studies.work_precision.cheapest import TIME, MeasuredSetting, cheapest, rated
 from touchstone.reports.studies.work_precision.definitions import QUANTITIES, truth_cells
-from touchstone.reports.studies.work_precision.errors import TrueMotion, closed_path, errors_of
+from touchstone.reports.studies.work_precision.errors import TrueMotion, errors_of
 from touchstone.reports.studies.work_precision.points import SweptRuns, band, reproduce, timing_cell
-from touchstone.reports.sweep.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
-from touchstone.reports.sweep.sweep import Executor, TimingRounds, sweep
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 
@@ -387,7 +389,7 @@ class Search:
         ended = [one for one in candidates if all(self._errors[one, name][0] for name in names)]
         cells = {(one, name): self._cell(one, name) for one in ended for name in names}
         asked = [timing_cell(cell, k) for k in rounds for cell in cells.values()]
-        timed = sweep(asked, self._asked.store, executor=TimingRounds, progress=self._progress, series=True)
+        timed = sweep(asked, self._asked.store, executor=InTurns, progress=self._progress, series=True)
         swept = SweptRuns(timed)
         found = {}
         for one in candidates:

@@ -12,12 +12,12 @@ import numpy as np
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.motion.time_series import Course, heaviest_pairs
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.run.reproduce import reproduce
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.reproduce import reproduce
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.views.tables import number, unit_of
 
 if TYPE_CHECKING:
-    from touchstone.reports.run.request import Request, Results
+    from touchstone.reports.runner.request import Request, Results
     from touchstone.scenarios.scenario import Scenario
 
 

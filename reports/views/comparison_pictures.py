@@ -20,7 +20,7 @@ from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.motion.time_series import FORCE
 from touchstone.reports.results import Row, rows_of, write_beside
-from touchstone.reports.run.request import REFERENCE, Request, Results
+from touchstone.reports.runner.request import REFERENCE, Request, Results
 from touchstone.reports.views.comparison import (
     FORCE_PICTURE,
     LARGEST_SCENE_COUNT,

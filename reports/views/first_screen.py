@@ -9,9 +9,9 @@ import pandas as pd
 from rich.text import Text
 
 from touchstone.reports.results import NOT_RUN, Row, rows_of
-from touchstone.reports.run.farthest_apart import TITLE as APART
-from touchstone.reports.run.farthest_apart import apart_table
-from touchstone.reports.run.reproduce import reproduce
+from touchstone.reports.runner.reproduce import reproduce
+from touchstone.reports.views.apart import TITLE as APART
+from touchstone.reports.views.apart import apart_table
 from touchstone.reports.views.losses import loss_rows
 from touchstone.reports.views.matrix import LIMITS, TOPICS, Entry, by_cause, entries, plural, verdict_of
 from touchstone.reports.views.render import Part

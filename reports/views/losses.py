@@ -11,7 +11,7 @@ import pandas as pd
 from touchstone.reports.bootstrap import RATIO
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.run.request import MACHINE_PROFILE, REFERENCE
+from touchstone.reports.runner.request import MACHINE_PROFILE, REFERENCE
 from touchstone.reports.views.comparison import SAME_SHARE, TOPICS
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number, unit_of

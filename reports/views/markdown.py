@@ -10,9 +10,9 @@ import pandas as pd
 
 from touchstone.reports.metrics import HORIZON, SPREAD
 from touchstone.reports.results import rows_of
-from touchstone.reports.run.farthest_apart import HEADS as APART_HEADS
-from touchstone.reports.run.farthest_apart import TITLE as APART
-from touchstone.reports.run.farthest_apart import apart_table
+from touchstone.reports.views.apart import HEADS as APART_HEADS
+from touchstone.reports.views.apart import TITLE as APART
+from touchstone.reports.views.apart import apart_table
 from touchstone.reports.views.comparison import (
     FORCE_PICTURE,
     Columns,
@@ -30,12 +30,12 @@ from touchstone.reports.views.frame_budget import budget_part
 from touchstone.reports.views.losses import losses_part
 from touchstone.reports.views.published import published_part
 from touchstone.reports.views.render import Part, markdown
-from touchstone.reports.views.tables import LEGEND, Cell, cell_of, number
+from touchstone.reports.views.tables import LEGEND, TableCell, cell_of, number
 from touchstone.reports.views.terminal import grid_part, ratio_part, remark_lines
 from touchstone.scenarios.truths.pair_names import pair_of
 
 if TYPE_CHECKING:
-    from touchstone.reports.run.request import Request, Results
+    from touchstone.reports.runner.request import Request, Results
     from touchstone.scenarios.scenario import Scenario
 
 BUDGET_STAGES = ("collision", "removal", "impulses", "integration", "drive")
@@ -144,7 +144,7 @@ def _section(request: Request, results: Results, section: Section, own: Columns)
 
 
 def _line(line: Line, own: Columns, limit: str, again: str) -> list[str]:
-    cells = [cell_of(line.rows[engine]) if engine in line.rows else Cell("-") for engine in own]
+    cells = [cell_of(line.rows[engine]) if engine in line.rows else TableCell("-") for engine in own]
     marked = [cell.marked for cell in cells]
     return [line.scenario, f"`{line.name}`", line.unit, *marked, limit, line.outlier_text, again]
 

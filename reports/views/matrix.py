@@ -14,7 +14,7 @@ import pandas as pd
 
 from touchstone.reports.metrics import METRICS, label
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row
-from touchstone.reports.run.request import REFERENCE
+from touchstone.reports.runner.request import REFERENCE
 from touchstone.reports.verdict.judge import WORST_LAST, Count, counted
 from touchstone.reports.views.tables import MARKS, Column, exact_number, number, quantity
 

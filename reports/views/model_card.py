@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array, Settings
+from touchstone.adapters.contract import Array
 from touchstone.adapters.oracles.articulated import Articulated
-from touchstone.adapters.recording import Recording, load
-from touchstone.adapters.registry import ENGINES, installed, missing_reason
-from touchstone.adapters.workers.children import Children, Job
-from touchstone.adapters.workers.scratch import scratch_folder
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.workers.play import play
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario, Tracker
@@ -158,17 +157,6 @@ def _whole(scenario: Scenario, tracker: Tracker, recording: Recording) -> tuple[
 def _held(scenario: Scenario) -> tuple[Mapping[str, Recording], Mapping[str, str]]:
     """A recording of one frame per engine, and the reasons why others failed."""
     short = replace(scenario, duration=1 / scenario.frame_rate, expectations=(), truths=(), forces=())
-    held, reasons = {}, {e: missing_reason(e) for e in ENGINES if not installed(e)}
-    with scratch_folder() as folder, Children(together=True) as children:
-        jobs = []
-        for engine in (e for e in ENGINES if installed(e)):
-            profile = next(iter(ENGINES[engine].profiles))
-            settings = Settings(profile, ENGINES[engine].profiles[profile])
-            files = (Path(folder) / f"{engine}.npz", Path(folder) / f"{engine}.txt")
-            jobs.append(Job(engine, short, settings, *files))
-        for outcome in children.play(jobs, lambda *_: None):
-            if outcome.status == "done":
-                held[outcome.job.engine] = load(outcome.job.recording)
-            else:
-                reasons[outcome.job.engine] = outcome.reason
-    return held, reasons
+    runs = {engine: run for (engine, _), run in play(short).items()}
+    held = {engine: run.recording for engine, run in runs.items() if run.status == "done" and run.recording}
+    return held, {engine: run.reason for engine, run in runs.items() if engine not in held}

@@ -8,7 +8,7 @@ from math import isfinite
 import pandas as pd
 
 from touchstone.reports.results import rows_of
-from touchstone.reports.run.request import EVERY_ENGINE
+from touchstone.reports.runner.request import EVERY_ENGINE
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import MARKS
 from touchstone.scenarios.scenario import Scenario

@@ -11,7 +11,7 @@ import pandas as pd
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import CONSTRUCTION, HARNESS, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.request import step_text
 
 HIDDEN = ("work", "time.share", "state.hash")
 """Metrics that have a table of their own."""
@@ -28,7 +28,7 @@ LEGEND = (
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class TableCell:
     """A text, its verdict, and whether it is the outlier of its row."""
 
     text: str
@@ -50,7 +50,7 @@ class Grid:
     """A table: column headings (engine, profile, step), and rows of (metric, subject, unit, cells)."""
 
     heads: list[tuple[str, str, str]]
-    rows: list[tuple[str, str, str, list[Cell]]]
+    rows: list[tuple[str, str, str, list[TableCell]]]
 
 
 Column = tuple[str, str]
@@ -103,20 +103,20 @@ def _value(row: Row | None) -> float:
     return nan if row is None else row.value
 
 
-def _cell(found: Rows, column: Column, metric: str, subject: str) -> Cell:
+def _cell(found: Rows, column: Column, metric: str, subject: str) -> TableCell:
     row = found.get((column, metric, subject))
     if row is None:
         broken = found.get((column, "run", ""))
-        return Cell(broken.verdict, broken.verdict) if broken else Cell("-")
+        return TableCell(broken.verdict, broken.verdict) if broken else TableCell("-")
     return cell_of(row)
 
 
-def cell_of(row: Row) -> Cell:
+def cell_of(row: Row) -> TableCell:
     """The value of a row in the unit of tables, with its verdict."""
     if isnan(row.value):
-        return Cell("never" if row.verdict == "fail" else "-", row.verdict)
+        return TableCell("never" if row.verdict == "fail" else "-", row.verdict)
     shown = METRICS[row.metric].shown
-    return Cell(number(row.value * (shown[1] if shown else 1.0)), row.verdict, basis=row.basis)
+    return TableCell(number(row.value * (shown[1] if shown else 1.0)), row.verdict, basis=row.basis)
 
 
 def quantity(metric: str, value: float, unit: str = "") -> tuple[str, str]:
@@ -147,7 +147,7 @@ def exact_number(value: float) -> str:
     return f"{value:.1e}" if 0 < abs(value) < 1e-3 else number(value)
 
 
-def _with_outlier(cells: list[Cell], values: Sequence[float]) -> list[Cell]:
+def _with_outlier(cells: list[TableCell], values: Sequence[float]) -> list[TableCell]:
     """Mark the outlier among four values or more."""
     if np.isfinite(values).sum() < 4:
         return cells

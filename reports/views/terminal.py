@@ -11,10 +11,10 @@ from rich.text import Text
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
-from touchstone.reports.run.farthest_apart import TITLE as APART
-from touchstone.reports.run.farthest_apart import apart_table, headlines
-from touchstone.reports.run.reproduce import script_command
+from touchstone.reports.runner.reproduce import script_command
 from touchstone.reports.verdict.judge import WORST_LAST, Count, counted
+from touchstone.reports.views.apart import TITLE as APART
+from touchstone.reports.views.apart import apart_table, headlines
 from touchstone.reports.views.frame_budget import budget_part
 from touchstone.reports.views.losses import losses_part
 from touchstone.reports.views.render import Part
@@ -22,8 +22,8 @@ from touchstone.reports.views.tables import (
     HIDDEN,
     LEGEND,
     MARKS,
-    Cell,
     Column,
+    TableCell,
     cell_of,
     columns_of,
     grid,
@@ -111,18 +111,18 @@ def _weight(row: Row) -> tuple[int, float]:
     )
 
 
-def _overview_cell(row: Row | None) -> Cell:
-    return Cell("-") if row is None else cell_of(row)
+def _overview_cell(row: Row | None) -> TableCell:
+    return TableCell("-") if row is None else cell_of(row)
 
 
-def _outcome(rows: list[Row], column: Column, counts: Mapping[Column, Count]) -> Cell:
+def _outcome(rows: list[Row], column: Column, counts: Mapping[Column, Count]) -> TableCell:
     """The limits met of those of the scene, or the reason why there are none."""
     run = [row for row in rows if (row.engine, row.profile) == column and row.metric == "run"]
     if run:
-        return Cell(run[0].verdict, run[0].verdict)
+        return TableCell(run[0].verdict, run[0].verdict)
     if column not in counts:
-        return Cell("-")
-    return Cell(counts[column].text, counts[column].worst)
+        return TableCell("-")
+    return TableCell(counts[column].text, counts[column].worst)
 
 
 def _total(
@@ -218,7 +218,7 @@ SCENES_IN_FULL = 8
 """Largest number of scenes that are shown as whole tables; more are shown as an overview."""
 
 
-def text_of(cell: Cell) -> Text:
+def text_of(cell: TableCell) -> Text:
     """A cell with its marks and the style of its verdict."""
     style = "bold" if cell.outlier and cell.verdict == "" else STYLES.get(cell.verdict, "")
     return Text(cell.marked, style=style)

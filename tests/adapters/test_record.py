@@ -11,7 +11,16 @@ import pytest
 
 from touchstone.adapters import recorder as module
 from touchstone.adapters.contract import CONTACT_CAPACITY, AdapterError, Manifest, Settings, State
-from touchstone.adapters.recorder import CROSSINGS, WARM_UP_FRAMES, Player, record, substeps, warm_up
+from touchstone.adapters.recorder import (
+    CROSSINGS,
+    WARM_UP_FRAMES,
+    Player,
+    frame_seconds,
+    record,
+    substeps,
+    undisturbed,
+    warm_up,
+)
 from touchstone.adapters.recording import RunEnded
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Body, Box, Joint, PairCoefficients, Piece, Scenario, Tracker
@@ -332,3 +341,36 @@ def test_time_of_other_processes_does_not_count(monkeypatch) -> None:
     monkeypatch.setattr(module, "getrusage", lambda who: SimpleNamespace(ru_nivcsw=next(switches)))
     assert module.StepClock().own_seconds(2.0) == 0.25
     assert module.StepClock().own_seconds(2.0) == 2.0
+
+
+def test_a_frame_is_its_native_steps(lab, monkeypatch) -> None:
+    """Time the step calls alone, each after its own drive, numbered through from the first frame."""
+    ticks = iter(range(100))
+    monkeypatch.setattr("touchstone.adapters.recorder.perf_counter", lambda: next(ticks))
+    calls: list[object] = []
+    world = SimpleNamespace(drive=calls.append, step=lambda: calls.append("step"))
+    assert frame_seconds(world, lab.scene(lab.ball()), Settings("any", 1 / 240), 2) == 4
+    assert calls == [8, "step", 9, "step", 10, "step", 11, "step"]
+
+
+@pytest.mark.parametrize(
+    ("switches", "reported", "asked"),
+    [([5, 5], 3.0, 1), ([5, 6, 6, 6], 2.0, 2), ([*range(100)], 0.5, 10)],
+    ids=["at once", "second", "never"],
+)
+def test_disturbed_times_do_not_count(monkeypatch, switches, reported, asked) -> None:
+    """Take the first measurement without a switch of processes, or the least of ten."""
+    counts = iter(switches)
+    monkeypatch.setattr(
+        "touchstone.adapters.recorder.getrusage", lambda who: type("Usage", (), {"ru_nivcsw": next(counts)})
+    )
+    times = [3.0, 2.0, 4.0, 0.5, *[5.0] * 10]
+    measured = iter(times)
+    taken = []
+
+    def measure() -> float:
+        taken.append(next(measured))
+        return taken[-1]
+
+    assert undisturbed(measure) == reported
+    assert len(taken) == asked

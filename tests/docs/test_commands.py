@@ -40,16 +40,16 @@ STANDS_FOR = {
     "FILE": "detector_reports.json",
 }
 NOT_RUN = {
-    "touchstone versions": "downloads wheels; tests/reports/versions",
-    "touchstone view runs/versions-TIME": "needs the versions of a package index; tests/reports/versions",
-    "touchstone sweep --tag probe --dask": "needs a cluster; tests/reports/sweep",
+    "touchstone versions": "downloads wheels; tests/reports/studies",
+    "touchstone view runs/versions-TIME": "needs the versions of a package index; tests/reports/studies",
+    "touchstone sweep --tag probe --dask": "needs a cluster; tests/reports/runner",
     "touchstone failings measure": "writes the table of a checkout; tests/reports/verdict/test_failings.py",
     "touchstone env add": "downloads 600 MB; tests/reports/cli/test_own_environments.py",
     "touchstone docs": "writes the pages of a checkout; tests/reports/cli/test_docs.py",
     "touchstone nightly --store nights ": "half an hour; its --quick is run",
     "touchstone accept last": "needs two nights; tests/reports/nightly",
     "touchstone study stability [": "an hour; its --quick is run",
-    "touchstone soak": "plays as long as it is asked to; tests/reports/soak",
+    "touchstone soak": "plays as long as it is asked to; tests/reports/studies",
 }
 """Start of a command that the slow test leaves out, and why."""
 LONGEST = 1800

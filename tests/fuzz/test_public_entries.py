@@ -21,8 +21,8 @@ from touchstone.adapters.recording import RecordingError, load
 from touchstone.adapters.registry import installed
 from touchstone.adapters.registry import load as load_engine
 from touchstone.reports.cli.main import main
+from touchstone.reports.runner.store import Store, StoreError
 from touchstone.reports.studies.stability.play import play_scenario
-from touchstone.reports.sweep.store import Store, StoreError
 from touchstone.reports.verdict.outcomes import CLASSES
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.difficulty.family import hard_scene

@@ -9,8 +9,8 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.results import UNAPPLIED, Row
-from touchstone.reports.run.measure import measured
 from touchstone.reports.verdict.judge import counted, judged
+from touchstone.reports.verdict.rows import measured
 from touchstone.scenarios.avatar.noisy_tracker import noisy
 from touchstone.scenarios.catalogue import catalogue, tagged
 

@@ -11,8 +11,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from touchstone.adapters.contract import Engine, Settings
-from touchstone.reports.studies.robustness.play import SeededTask, assess
-from touchstone.reports.studies.robustness.study import Assessed, line, rows_of_runs
+from touchstone.reports.studies.robustness import Assessed, SeededTask, assess, line, rows_of_runs
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import EXACT
 from touchstone.scenarios.random_scenes.bodies import (

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
+from io import StringIO
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
+from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.closed_form import motion
 
 G = 9.81
@@ -41,6 +44,18 @@ def touchstone(monkeypatch, capfd, tmp_path):
         return (end.value.code or 0, *capfd.readouterr())
 
     return call
+
+
+@pytest.fixture(scope="session")
+def shown():
+    """What a report prints on a terminal of so many columns."""
+
+    def show(parts, width=112):
+        out = StringIO()
+        print_parts(parts, Console(width=width, file=out))
+        return out.getvalue()
+
+    return show
 
 
 def bouncing(times, height, restitution):

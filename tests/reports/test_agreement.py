@@ -9,18 +9,17 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from rich.console import Console
 
 from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.workers.pool import EngineServer
 from touchstone.reports.results import COLUMNS
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.tasks import Task
 from touchstone.reports.studies import agreement, study
 from touchstone.reports.studies.agreement import LADDER, Trajectory, order_of, report, run
-from touchstone.reports.studies.tasks import Task, refusable
 from touchstone.reports.studies.work_precision import definitions
 from touchstone.reports.studies.work_precision.errors import CellRun
 from touchstone.reports.studies.work_precision.points import SweptRuns
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 
@@ -50,7 +49,9 @@ def played(recordings: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, tmp_pat
         for module in (agreement, study):
             monkeypatch.setattr(module, "installed", lambda engine: True)
         monkeypatch.setattr(
-            agreement, "played", lambda play, tasks, *_: [refusable(play, None, t) for t in tasks]
+            agreement,
+            "played",
+            lambda play, tasks, *_: [EngineServer(play, str).handle("play", t) for t in tasks],
         )
         return run([catalogue()["fall"]], tmp_path / "out", lambda label, count: None)
 
@@ -119,7 +120,7 @@ def test_an_engine_that_refuses_coarse_steps_is_compared_at_the_others(played) -
 
 
 def test_a_scene_without_a_closed_form_is_measured_against_a_band(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shown
 ) -> None:
     """Name the code off the band that the others span, and the distance of each own step."""
     scene = catalogue()["push_box"]
@@ -142,8 +143,7 @@ def test_a_scene_without_a_closed_form_is_measured_against_a_band(
     assert band["reason"] == "dart, bullet, mujoco agree to 20 mm; reference is 80 mm off"
     errors = frame[frame.metric == "agreement.error"].set_index("engine").value
     assert errors.to_dict() == pytest.approx({"reference": 0.085, "dart": 0, "bullet": 0, "mujoco": 0.005})
-    print_parts(report(frame), Console(width=120, force_terminal=False))
-    assert "reference is 80 mm off" in capsys.readouterr().out
+    assert "reference is 80 mm off" in shown(report(frame), 120)
 
 
 _NO_ROWS = pd.DataFrame({"cell": [], "metric": [], "subject": [], "value": [], "verdict": []})
@@ -160,9 +160,8 @@ def test_limits_of_turns_are_extrapolated() -> None:
     np.testing.assert_allclose(np.abs(limit.orientation), [[[1.0, 0.0, 0.0, 0.0]]], atol=1e-15)
 
 
-def test_the_table_tells_all(played, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_tells_all(played, shown) -> None:
     """Print every engine, its errors, marks and remarks."""
-    print_parts(report(played(refuse="dart")), Console(width=120, force_terminal=False))
-    text = capsys.readouterr().out
+    text = shown(report(played(refuse="dart")), 120)
     assert "mujoco*" in text
     assert "skipped: dart recommended fall: cannot" in text

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from touchstone.adapters.registry import ENGINES, Entry
-from touchstone.reports.cli.listing import engines
+from touchstone.reports.docs.listing import engines
 from touchstone.reports.results import Row, table
-from touchstone.reports.run.request import Request, Results, columns_of
+from touchstone.reports.runner.request import Request, Results, columns_of
 from touchstone.reports.views.comparison_pictures import draw
 from touchstone.reports.views.markdown import report
 from touchstone.reports.views.pictures import INK, color_of, detector_color, marker_of

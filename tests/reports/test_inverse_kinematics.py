@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from rich.console import Console
 
+from touchstone.reports.progress import quietly
 from touchstone.reports.results import table
 from touchstone.reports.studies.inverse_kinematics import (
     CCD,
@@ -22,21 +22,16 @@ from touchstone.reports.studies.inverse_kinematics import (
     rows,
     run,
 )
-from touchstone.reports.views.render import print_parts
 
 GOALS = 40
 MEASURES = [("ik.missed", ""), ("ik.left", "max"), ("time.solve", "")]
 MEASURES += [("ik.passes", part) for part in ("median", "p95", "max")]
 
 
-def silence(label: str, count: int) -> None:
-    """No progress."""
-
-
 @pytest.fixture(scope="module")
 def measured():
     """Two runs on a few goals."""
-    return [table(rows(GOALS, 3, silence)) for _ in range(2)]
+    return [table(rows(GOALS, 3, quietly)) for _ in range(2)]
 
 
 def test_rows_are_complete(measured) -> None:
@@ -85,16 +80,14 @@ def test_goals_and_starts_are_what_they_say() -> None:
     assert not arm.allows(arm.joints["upper"] + 1e-6)
 
 
-def test_files_and_table_are_complete(tmp_path: Path) -> None:
+def test_files_and_table_are_complete(shown, tmp_path: Path) -> None:
     """Store the rows and a manifest, and show each start with each solver."""
-    frame = run(5, 1, tmp_path / "ik", silence)
+    frame = run(5, 1, tmp_path / "ik", quietly)
     assert {path.name for path in (tmp_path / "ik").iterdir()} == {
         *("results.parquet", "results.csv", "manifest.json")
     }
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "ik" / "results.parquet"), frame)
-    console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
-    print_parts(report(frame), console)
-    lines = [line.strip() for line in console.export_text().splitlines()]
+    lines = [line.strip() for line in shown(report(frame)).splitlines()]
     for start in STARTS:
         for engine, profile in SOLVERS:
             (line,) = (line for line in lines if line.startswith(start) and f"{engine} {profile}" in line)

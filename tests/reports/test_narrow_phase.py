@@ -9,16 +9,17 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.detectors import DETECTORS, REFERENCE, Entry, load, missing_reason
+from touchstone.reports.progress import quietly
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies.narrow_phase.poses import FAMILIES, TOUCH, draw
 from touchstone.reports.studies.narrow_phase.study import (
     Answered,
     depth_errors,
     normal_errors,
+    report,
     run,
     truth_of,
 )
-from touchstone.reports.views.render import print_parts
 
 PAIRS = 3 * len(FAMILIES)
 OTHER, ABSENT = "coal", "absent"
@@ -35,10 +36,6 @@ SMALL = 1e-7
 over size / 1000 [1]."""
 
 
-def silence(label: str, count: int) -> None:
-    """No progress."""
-
-
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Path]:
     """A run with the reference, coal and a detector that is not installed, and its folder."""
@@ -49,7 +46,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Pat
         for name in set(DETECTORS) - {REFERENCE, OTHER}:
             patch.delitem(DETECTORS, name)
         patch.setitem(DETECTORS, ABSENT, Entry("no.such:Thing", "no_such_package"))
-        return run(PAIRS, 5, folder / "one", silence), folder / "one"
+        return run(PAIRS, 5, folder / "one", quietly), folder / "one"
 
 
 def test_rows_are_complete(results) -> None:
@@ -96,15 +93,9 @@ def test_files_are_written(results) -> None:
     assert [path.name for path in folder.parent.iterdir()] == ["one"]
 
 
-def test_the_terminal_shows_every_detector(results) -> None:
+def test_the_terminal_shows_every_detector(results, shown) -> None:
     """Print a row per detector and the reason of a skipped one."""
-    from rich.console import Console
-
-    from touchstone.reports.studies.narrow_phase.study import report
-
-    console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    print_parts(report(results[0]), console)
-    text = console.export_text()
+    text = shown(report(results[0]))
     for name in (REFERENCE, OTHER, *FAMILIES):
         assert f"{name} " in text
     assert "missing: absent default: not installed" in text

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from io import StringIO
 from math import nan
 from typing import NamedTuple
 
-from rich.console import Console
-
 from touchstone.reports.results import Row, table
-from touchstone.reports.views.render import print_parts
 from touchstone.reports.views.tables import MARKS
 from touchstone.reports.views.terminal import SCENES_IN_FULL, TOTALS, overview, report
 
@@ -176,12 +172,11 @@ def test_hidden_columns_are_left_out():
     assert found.remarks == []
 
 
-def test_many_scenes_are_shown_at_a_glance():
+def test_many_scenes_are_shown_at_a_glance(shown):
     """Up to SCENES_IN_FULL scenes each have their whole table; one more turns them into one overview."""
     for count in (SCENES_IN_FULL, SCENES_IN_FULL + 1):
         rows = [row(f"scene_{k}", 0, "truth.position", 0.5, verdict="pass") for k in range(count)]
-        text = StringIO()
-        print_parts(report(table(rows)), Console(file=text, width=112))
-        assert ("1 of 1" in text.getvalue()) == (count > SCENES_IN_FULL)
-        assert text.getvalue().count("truth.position") == count
-        assert text.getvalue().count("metric") == (0 if count > SCENES_IN_FULL else count)
+        text = shown(report(table(rows)))
+        assert ("1 of 1" in text) == (count > SCENES_IN_FULL)
+        assert text.count("truth.position") == count
+        assert text.count("metric") == (0 if count > SCENES_IN_FULL else count)

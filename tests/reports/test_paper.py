@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from rich.console import Console
 
 from touchstone.adapters.contract import AdapterError
 from touchstone.reports.docs.measurements import page_of
+from touchstone.reports.progress import quietly
 from touchstone.reports.studies.paper import claims
 from touchstone.reports.studies.paper.claims import (
     CLAIMS,
@@ -25,16 +25,11 @@ from touchstone.reports.studies.paper.claims import (
     thirds,
 )
 from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, report, run
-from touchstone.reports.views.render import print_parts
 
 RATE, COUNT = 60, 480
 FREE, HIGH = 4e-6, 8e-6
 """Frame times of free motion and of a plateau [s]."""
 TOLD = {claim.name: claim for claim in CLAIMS}
-
-
-def silence(label: str, count: int) -> None:
-    """No progress."""
 
 
 def judge(name: str, **scenes: Series) -> bool:
@@ -158,9 +153,9 @@ def test_claims_are_complete() -> None:
         assert claim.rule.__doc__
 
 
-def test_a_run_judges_every_claim(tmp_path) -> None:
+def test_a_run_judges_every_claim(shown, tmp_path) -> None:
     """Store a row per claim with its evidence, the picture and a page; show scenes and verdicts."""
-    frame = run(1, tmp_path / "paper", silence)
+    frame = run(1, tmp_path / "paper", quietly)
     names = {"results.parquet", "results.csv", "manifest.json", "paper.png", "paper.svg"}
     assert {path.name for path in (tmp_path / "paper").iterdir()} == names
     assert json.loads((tmp_path / "paper" / "manifest.json").read_text())["repeats"] == 1
@@ -173,9 +168,7 @@ def test_a_run_judges_every_claim(tmp_path) -> None:
     sure = judged[judged.basis.isin(["counts", "poses"])].set_index("subject").reason_code
     for name in ("hand", "self-collision", "wall"):
         assert sure[name] == REPRODUCED
-    console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
-    print_parts(report(frame), console)
-    text = console.export_text()
+    text = shown(report(frame))
     assert all(scene in text for scene in claims.SCENES)
     assert "of 20 claims are reproduced" in text
     assert "…" not in text
@@ -191,14 +184,12 @@ class Broken:
         raise AdapterError("reference: broken")
 
 
-def test_scenes_that_fail_are_told(tmp_path) -> None:
+def test_scenes_that_fail_are_told(shown, tmp_path) -> None:
     """A scene that cannot be played is an error with its reason; claims that need it are skipped."""
-    frame = run(1, tmp_path / "paper", silence, Broken())
+    frame = run(1, tmp_path / "paper", quietly, Broken())
     assert set(frame[frame.metric == "run"].verdict) == {"error"}
     assert set(frame[frame.metric == CLAIM].verdict) == {"skipped"}
-    console = Console(width=112, record=True, file=(tmp_path / "shown").open("w"))
-    print_parts(report(frame), console)
-    assert "error: reference paper, effects=all table_slide: reference: broken" in console.export_text()
+    assert "error: reference paper, effects=all table_slide: reference: broken" in shown(report(frame))
 
 
 def test_the_command_prints_rows(touchstone, monkeypatch) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.workers.pool import EngineServer
+from touchstone.reports.runner.tasks import Task
 from touchstone.reports.studies import predictability, study
 from touchstone.reports.studies.predictability import (
     CLOSED_FORM,
@@ -19,8 +20,6 @@ from touchstone.reports.studies.predictability import (
     run,
     touching,
 )
-from touchstone.reports.studies.tasks import Task, refusable
-from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form_ends import final_positions
 
@@ -46,7 +45,9 @@ def played(recordings, monkeypatch, tmp_path):
         for module in (predictability, study):
             monkeypatch.setattr(module, "installed", lambda engine: True)
         monkeypatch.setattr(
-            predictability, "played", lambda play, tasks, *_: [refusable(play, None, t) for t in tasks]
+            predictability,
+            "played",
+            lambda play, tasks, *_: [EngineServer(play, str).handle("play", t) for t in tasks],
         )
         return run([catalogue()["fall"]], 0, tmp_path / "out", lambda label, count: None)
 
@@ -70,13 +71,12 @@ def test_factors_are_found(played):
     assert verdicts.to_dict() == {"reference": "pass", "dart": "", "bullet": "", "mujoco": ""}
 
 
-def test_an_engine_that_cannot_is_skipped(played, capsys):
+def test_an_engine_that_cannot_is_skipped(played, shown):
     """Keep a row with the reason and the others' figures, and print both."""
     frame = played(refuse="dart")
     row = frame[frame.engine == "dart"]
     assert (list(row.verdict), list(row.reason)) == (["skipped"], ["cannot"])
-    print_parts(report(frame), Console(width=120, force_terminal=False))
-    text = capsys.readouterr().out
+    text = shown(report(frame), 120)
     assert "40.0 (40.0 to 40.0)" in text
     assert "skipped: dart recommended fall: cannot" in text
 

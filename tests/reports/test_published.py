@@ -13,7 +13,7 @@ from touchstone.reports.metrics.context import NotMeasured
 from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import page
 from touchstone.reports.results import Row, table
-from touchstone.reports.run.request import Request, Results
+from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.views.markdown import report
 from touchstone.reports.views.published import TITLE, digits, published_part
 from touchstone.reports.views.render import FittingConsole, print_parts

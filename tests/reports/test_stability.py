@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from rich.console import Console
 
 from tests.reports.verdict.fake_engines import Engine
 from touchstone.adapters.contract import Settings
 from touchstone.reports.results import CONSTRUCTION, table
+from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.studies.stability.play import (
     STEPS,
     Played,
@@ -33,9 +33,7 @@ from touchstone.reports.studies.stability.study import (
     step_picture,
     table_of_cells,
 )
-from touchstone.reports.studies.tasks import own_step
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, Outcome
-from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.difficulty.family import families, hard_names, hard_scene
 
 COLUMNS = (("reference", "balanced"), ("bullet", "recommended"))
@@ -113,7 +111,7 @@ def test_reading_is_not_the_engines_time():
     assert play_scenario(Engine("reads slowly"), scenario, checks, settings, 0.2).name == "ok"
 
 
-def test_a_family_without_a_simulated_body_is_marked():
+def test_a_family_without_a_simulated_body_is_marked(shown):
     """The reference poses such a family: its rows say so, and those of engines do not."""
     posed = {name for name, family in families().items() if family.posed}
     assert {"coupling", "mass_links"} < posed
@@ -126,20 +124,16 @@ def test_a_family_without_a_simulated_body_is_marked():
         (row.engine, row.scenario) for row in rows if row.basis == CONSTRUCTION and row.metric == LEVELS
     }
     assert marked == {("reference", "coupling")}
-    out = Console(width=140, record=True)
-    print_parts(report(table(rows)), out)
-    assert "all =" in out.export_text()
+    assert "all =" in shown(report(table(rows)), 140)
 
 
-def test_tables_and_pictures_show_every_class(tmp_path):
+def test_tables_and_pictures_show_every_class(shown, tmp_path):
     """Every class has a look; table, CSV and pictures take all of them."""
     assert set(LOOKS) == {*HARD_CLASSES, ""}
     found = results(tiles_reference=(16.0, "exploded"), wedge_bullet=(1.0, "skipped"))
     frame = table(rows_of_envelope(found))
     assert set(frame.metric) == {OUTCOME, LEVELS, STEP, CONTAINED}
-    out = Console(width=140, record=True)
-    print_parts(report(frame), out)
-    text = out.export_text()
+    text = shown(report(frame), 140)
     assert "4 x" in text
     assert "touchstone run hard_tiles_16 --engine reference" in text
     assert set(table_of_cells(found).command) == {played.line for played in found.played.values()}

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, table
-from touchstone.reports.run.request import Request, Results
+from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.views.markdown import report
 from touchstone.reports.views.tables import HIDDEN, MARKS, grid, number
 from touchstone.scenarios.catalogue import catalogue

@@ -18,7 +18,7 @@ from touchstone.reports.metrics.context import JudgeMissing
 from touchstone.reports.results import Row, table
 from touchstone.reports.run import study
 from touchstone.reports.run.ratios import DEEPER, NO_DEEPER, UNCOMPARED, compared
-from touchstone.reports.run.request import Request, Results
+from touchstone.reports.runner.request import Request, Results
 
 COLUMNS = (("reference", "balanced"), ("mujoco", "recommended"))
 WEIGHT = 9.81 / 60

@@ -185,7 +185,7 @@ def tolerances(
 ) -> None:
     """Measure how far apart times are between runs of one program: the tolerances of `compare` here."""
     from touchstone.reports.changes import RunError, differences, table_of, toml_of
-    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.docs.listing import show_rows
 
     names = [str(run) for run in dict.fromkeys(runs)]
     if len(names) < 2:

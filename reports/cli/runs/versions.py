@@ -60,8 +60,8 @@ def versions(
     from touchstone.adapters.workers.environment import installed_version
     from touchstone.reports.changes import FAILING
     from touchstone.reports.output_folder import OutputError, output_folder
-    from touchstone.reports.run.request import Request, TooLargeError, check_memory, limited
-    from touchstone.reports.versions import Compared, compare, environments
+    from touchstone.reports.runner.request import Request, TooLargeError, check_memory, limited
+    from touchstone.reports.studies.versions import Compared, compare, environments
 
     if not engine:
         stop("--engine: name the engine, such as --engine mujoco", BAD_INPUT)
@@ -103,7 +103,7 @@ def versions(
     if len(folders) < 2:
         stop(f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", ENGINE_MISSING)
     if not printed(found.frame, output) and not quiet:
-        from touchstone.reports.versions import report
+        from touchstone.reports.studies.versions import report
         from touchstone.reports.views.render import console, print_parts
 
         print_parts(report(found), console())

@@ -46,7 +46,7 @@ def check_robot(
     from touchstone.adapters.robots.checks.check import CHECKS, findings
     from touchstone.adapters.robots.checks.finding import FAULT
     from touchstone.adapters.robots.robot_error import RobotError
-    from touchstone.reports.cli.listing import show_rows
+    from touchstone.reports.docs.listing import show_rows
 
     try:
         found = list(findings(robot, allow_paths))

@@ -10,7 +10,9 @@ from math import isnan, nan
 import numpy as np
 
 from touchstone.adapters.contract import Array
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.results import Row
+from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.studies.calibration.probes import (
     BOUNCES,
     DROP,
@@ -25,7 +27,6 @@ from touchstone.reports.studies.calibration.probes import (
     restitution_of,
     slow_friction_of,
 )
-from touchstone.reports.studies.tasks import Ended, own_step
 
 STUDY = "calibration"
 ALL = "all"

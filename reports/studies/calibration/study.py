@@ -19,10 +19,11 @@ from matplotlib.ticker import FixedLocator, FuncFormatter
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ACCURATE, DEFAULT, ENGINES, installed, load
 from touchstone.adapters.workers.pool import Loader
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import rows_of
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.request import step_text
+from touchstone.reports.runner.tasks import own_step, played
 from touchstone.reports.studies.calibration.probes import (
     HEIGHT,
     SHAPES,
@@ -34,7 +35,6 @@ from touchstone.reports.studies.calibration.probes import (
 )
 from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
 from touchstone.reports.studies.study import Column, failure_lines, failures, kept, missing_rows
-from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes
 from touchstone.reports.views.render import Part, markdown

@@ -12,8 +12,8 @@ from touchstone.adapters.contract import Engine
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.measures import Measured, base_row
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.measures import Measured, base_row
 from touchstone.scenarios.catalogue import find
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.scenario import Scenario

@@ -21,17 +21,17 @@ from matplotlib.ticker import FuncFormatter
 from rich.text import Text
 
 from touchstone.adapters.registry import ACCURATE, ENGINES
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress, quietly
 from touchstone.reports.results import COLUMNS, Row, rows_of, table
-from touchstone.reports.run.request import REFERENCE, step_text
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.executors import DIVERGED
+from touchstone.reports.runner.request import REFERENCE, step_text
+from touchstone.reports.runner.sweep import sweep
+from touchstone.reports.runner.tasks import own_profile, own_step
 from touchstone.reports.studies.agreement import require_truths, slope_of
 from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE
 from touchstone.reports.studies.study import kept
-from touchstone.reports.studies.tasks import own_profile, own_step
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.sweep import quietly, sweep
-from touchstone.reports.sweep.worker import DIVERGED
 from touchstone.reports.views.pictures import (
     INK,
     PALE,

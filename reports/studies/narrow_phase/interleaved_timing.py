@@ -17,7 +17,7 @@ from touchstone.adapters.contract import MISSING, Array
 from touchstone.adapters.detectors import Failure, Pair, missing_reason
 from touchstone.adapters.detectors import load as load_detector
 from touchstone.adapters.detectors.children import Child, Loader, Times
-from touchstone.reports.cli.progress import Progress
+from touchstone.reports.progress import Progress
 
 
 class Stretch(NamedTuple):

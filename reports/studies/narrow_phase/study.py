@@ -25,8 +25,8 @@ from touchstone.adapters.contract import Array, Unsupported
 from touchstone.adapters.detectors import DETECTORS, FAILURES, REFERENCE, THREW, UNCONVERGED, Failure, Pair
 from touchstone.adapters.oracles.minkowski import core, piece_distance, signed_distance
 from touchstone.reports.bootstrap import median_interval, time_ratio
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
 from touchstone.reports.studies.narrow_phase.poses import FAMILIES, corners, draw, size_of

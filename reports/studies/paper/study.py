@@ -22,8 +22,8 @@ from touchstone.adapters.contract import AdapterError, Engine, Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, load
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.paper.claims import (
     CLAIMS,

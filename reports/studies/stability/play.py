@@ -17,16 +17,16 @@ from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsuppo
 from touchstone.adapters.recorder import Player, ready
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import installed
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.solver import state_hash
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.content_hash import hash_of
+from touchstone.reports.runner.measures import Measured, base_row
+from touchstone.reports.runner.request import step_text
+from touchstone.reports.runner.sweep import sweep
+from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.studies.study import Column
-from touchstone.reports.studies.tasks import own_step
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.measures import Measured, base_row
-from touchstone.reports.sweep.sweep import sweep
 from touchstone.reports.verdict import figures, outcomes
 from touchstone.reports.verdict.outcomes import Outcome, judge
 from touchstone.scenarios.difficulty.checks import Checks

@@ -19,11 +19,11 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.workers.scratch import scratch_folder
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.context import Context
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import write_beside
+from touchstone.reports.runner.cells import Cell
 from touchstone.reports.studies.stability.play import KEPT, Played, file_of, play_all, recordings_in
-from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.verdict.figures import rotations
 from touchstone.reports.views.pictures import INK, figure
 from touchstone.scenarios.difficulty.family import hard_scene

@@ -19,9 +19,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import CONSTRUCTION, Row, illustrate, rows_of, write_beside
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.studies.stability.play import (
     OUTCOME,
     Played,
@@ -32,8 +34,6 @@ from touchstone.reports.studies.stability.play import (
 )
 from touchstone.reports.studies.stability.sheet import write_sheets
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
-from touchstone.reports.studies.tasks import own_step
-from touchstone.reports.sweep.cells import Cell
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SILENT, SURVIVED
 from touchstone.reports.views.pictures import INK, PALE, figure
 from touchstone.reports.views.render import Part

@@ -20,9 +20,11 @@ from numpy.typing import ArrayLike
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES, installed
-from touchstone.reports.cli.progress import Progress
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
+from touchstone.reports.runner.tasks import played
 from touchstone.reports.studies.study import (
     Column,
     RefusedError,
@@ -31,7 +33,6 @@ from touchstone.reports.studies.study import (
     missing_rows,
     with_interval,
 )
-from touchstone.reports.studies.tasks import Ended, played
 from touchstone.reports.studies.tosses.measured import Box, Toss
 from touchstone.reports.studies.tosses.playing import (
     NEAR_FRICTIONS,

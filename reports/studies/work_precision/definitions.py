@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from touchstone.adapters.contract import DRIVES
 from touchstone.adapters.knobs import Choice
 from touchstone.adapters.registry import ENGINES, installed, settings_of
-from touchstone.reports.studies.tasks import own_profile
-from touchstone.reports.sweep.cells import CATALOGUE, PERTURBED, Cell, grid
+from touchstone.reports.runner.cells import CATALOGUE, PERTURBED, Cell, grid
+from touchstone.reports.runner.measures import PERTURBED_SEEDS
+from touchstone.reports.runner.tasks import own_profile
 from touchstone.scenarios.catalogue import tagged
 
 STUDY = "work-precision"
@@ -53,11 +54,6 @@ FINE, FINER = 1 / 1920, 1 / 3840
 """Steps of the converged solutions and of their check [s]."""
 TRUTH_PROFILE = "accurate"
 """The profile of the converged solutions; of an engine that has none, its first."""
-PERTURBED_SEEDS = (0, 1)
-"""Perturbed runs that measure the horizon."""
-HORIZON_DISTANCE = 1e-4
-"""Distance from the unperturbed run beyond which a scene is no longer compared [m]: a perturbation of 1e-6 m
-has grown by a hundred; a tenth of the tolerance of positions."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,14 +11,13 @@ import numpy as np
 import pandas as pd
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.studies.work_precision.definitions import HORIZON_DISTANCE, QUANTITIES
-from touchstone.reports.sweep.measures import FRAMES, PATH, moving
-from touchstone.scenarios.closed_form import motion
+from touchstone.reports.runner.measures import FRAMES, HORIZON_DISTANCE, PATH, closed_path, moving
+from touchstone.reports.studies.work_precision.definitions import QUANTITIES
 from touchstone.scenarios.scenario import Scenario
 
 SPREAD = 0.05
 """Share of the way of the bodies within which codes agree, and by which half the step may change one [1]:
-what a first-order engine at a fitting step may be off (`verdict/limits.py`)."""
+what a first-order engine at a fitting step may be off (`verdict/limits.toml`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,16 +223,6 @@ def _events(runs: Sequence[CellRun], until: float) -> dict[tuple[str, str], tupl
         if max(each) <= until:
             found[key] = min(each), max(each)
     return found
-
-
-def closed_path(scenario: Scenario) -> Array | None:
-    """Centres of mass of the moving bodies in closed form (f, n, 3) [m]; None unless all have one."""
-    truths = {scenario.body_index(truth.body): truth for truth in scenario.truths}
-    bodies = moving(scenario)
-    if not truths or not set(bodies) <= truths.keys():
-        return None
-    times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
-    return np.stack([motion(scenario, truths[k], times).position for k in bodies], axis=1)
 
 
 def _horizon(plain: CellRun | None, perturbed: Iterable[CellRun], last: int) -> int:

@@ -10,7 +10,10 @@ import numpy as np
 import pandas as pd
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.cells import TIMING, Cell, grid, scene_of
+from touchstone.reports.runner.content_hash import hash_of
+from touchstone.reports.runner.measures import FRAMES, closed_path
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.studies.work_precision.definitions import (
     BASE,
     FINE,
@@ -24,15 +27,11 @@ from touchstone.reports.studies.work_precision.definitions import (
 from touchstone.reports.studies.work_precision.errors import (
     CellRun,
     TrueMotion,
-    closed_path,
     distance,
     errors_of,
     run_of,
     truth_of,
 )
-from touchstone.reports.sweep.cells import TIMING, Cell, grid, scene_of
-from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.measures import FRAMES
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 

@@ -17,10 +17,14 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress, quietly
 from touchstone.reports.results import illustrate, save_manifest, write_beside
-from touchstone.reports.run.request import step_text
+from touchstone.reports.runner.cells import ACCURACY, Cell
+from touchstone.reports.runner.content_hash import hash_of
+from touchstone.reports.runner.executors import InTurns
+from touchstone.reports.runner.request import step_text
+from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.studies.work_precision.definitions import (
     QUANTITIES,
     QUICK_LADDER,
@@ -34,9 +38,6 @@ from touchstone.reports.studies.work_precision.definitions import (
 )
 from touchstone.reports.studies.work_precision.errors import BAND
 from touchstone.reports.studies.work_precision.points import fronts, ladder, points, timing_cell
-from touchstone.reports.sweep.cells import ACCURACY, Cell
-from touchstone.reports.sweep.content_hash import hash_of
-from touchstone.reports.sweep.sweep import TimingRounds, quietly, sweep
 from touchstone.reports.views.pictures import (
     INK,
     PALE,
@@ -103,7 +104,7 @@ def measure(
     ended = set(accuracy[(accuracy.metric == "run") & (accuracy.outcome == "done")].cell)
     done = {cell for cell in asked.accuracy if hash_of(cell) in ended}
     timed = [cell for cell in asked.timing if replace(cell, measure=ACCURACY, repeat=0) in done]
-    timing = sweep(timed, store, executor=TimingRounds, progress=progress, series=True)
+    timing = sweep(timed, store, executor=InTurns, progress=progress, series=True)
     starts.append(perf_counter())
     frame = pd.concat([accuracy, timing], ignore_index=True)
     table, rungs = points(frame, asked.measured, asked.rounds), ladder(frame, asked.ladder)

@@ -17,6 +17,7 @@ from touchstone.adapters.workers.process import last_core
 from touchstone.reports.bench import frame
 from touchstone.reports.bench.frame import CONTESTANTS, Contestant, Take
 from touchstone.reports.bootstrap import RATIO, RATIOS
+from touchstone.reports.progress import quietly
 from touchstone.reports.results import Row, table
 from touchstone.reports.run import ratios, time_limits
 from touchstone.reports.run.ratios import FACTORS, contact_frames
@@ -35,10 +36,6 @@ TIMES = {
     ("bullet", f"recommended{POSED}"): 5e-5,
     ("bullet", "equal-step"): 5e-5,
 }
-
-
-def silence(label: str, count: int) -> None:
-    """No progress."""
 
 
 def taken(registry, times=TIMES, frames=180) -> dict[tuple[str, str, str], Take]:
@@ -225,7 +222,7 @@ def test_a_failed_column_says_why(registry, shown) -> None:
     takes["ball_snip", "mujoco", "recommended"] = Take(
         "mujoco", Settings("recommended", 1 / 540), ended=("missing", "not installed")
     )
-    text = shown(frame, table(frame.rows_of_scene(SCENE, takes)))
+    text = shown(frame.report(table(frame.rows_of_scene(SCENE, takes))))
     assert "missing: mujoco: not installed" in text
     for word in ("bench frame: ball_snip", "bullet recommended posed", "dynamics", "over the fastest", "±"):
         assert word in text
@@ -259,7 +256,7 @@ def test_every_restart_is_a_process_in_drawn_order(monkeypatch, tmp_path: Path, 
     for seed in (0, 0, 1):
         folder = tmp_path / str(len(orders))
         folder.mkdir()
-        takes = frame.played(pair, [SCENE], 6, seed, folder, silence)
+        takes = frame.played(pair, [SCENE], 6, seed, folder, quietly)
         orders.append([name for name, _ in started])
         assert {core for _, core in started} == {last_core()}
         started.clear()
@@ -277,7 +274,7 @@ def test_a_play_for_its_times_reads_no_state(tmp_path: Path) -> None:
     scene, path = catalogue()["fall"], tmp_path / "times.npz"
     job = Job("reference", scene, Settings("balanced", 1 / 60), path, tmp_path / "output.txt", reading=False)
     with Children(per_engine=True) as children:
-        children.play([job], silence)
+        children.play([job], quietly)
     found = load(path)
     assert (found.time_frame > 0).all()
     assert (found.time_read == 0).all()
@@ -303,7 +300,7 @@ def test_an_engine_is_as_fast_as_itself(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     for attempt in range(3):
         row = frame.duel(
-            tmp_path / str(attempt), silence, catalogue()["stack"], "mujoco", restarts=5, seed=attempt
+            tmp_path / str(attempt), quietly, catalogue()["stack"], "mujoco", restarts=5, seed=attempt
         )
         if row.low <= 1 <= row.high:
             break

@@ -21,7 +21,7 @@ from touchstone.adapters.detectors import (
 )
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench import geometry
-from touchstone.reports.bench.geometry import MOTION, Plan, queries, rows_of_bench
+from touchstone.reports.bench.geometry import MOTION, Amount, queries, rows_of_bench
 from touchstone.reports.bench.poses import (
     FAMILIES,
     STEP,
@@ -35,7 +35,7 @@ from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
 from touchstone.reports.studies.narrow_phase.poses import corners
 
 OTHER, ABSENT = "coal", "absent"
-TINY = Plan(pairs=2, frames=3, turns=1, passes=1)
+TINY = Amount(pairs=2, frames=3, turns=1, passes=1)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_geometry_skips_what_is_missing(measured, shown) -> None:
     absent = rows[rows.engine == ABSENT]
     reason = "not installed (pip install no_such_package)"
     assert absent[["metric", "verdict", "reason"]].to_numpy().tolist() == [["run", "missing", reason]]
-    assert f"missing: absent: {reason}" in shown(geometry, rows)
+    assert f"missing: absent: {reason}" in shown(geometry.report(rows))
 
 
 def test_geometry_judges_where_a_figure_is_asked(measured) -> None:
@@ -111,7 +111,7 @@ def test_geometry_leaves_a_whole_folder(measured) -> None:
 
 def test_geometry_shows_every_ratio(measured, shown) -> None:
     """Show a line per family and detector, none cut off."""
-    text = shown(geometry, measured[0])
+    text = shown(geometry.report(measured[0]))
     assert "…" not in text
     for family in (*FAMILIES, MOTION):
         assert family in text

@@ -20,14 +20,11 @@ from touchstone.reports.bench.scaling import (
     resting_balls,
     rows_of_curves,
 )
+from touchstone.reports.progress import quietly
 from touchstone.reports.results import table
 from touchstone.reports.verdict.judge import judged
 
 OTHER = "coal"
-
-
-def silence(label: str, count: int) -> None:
-    """No progress."""
 
 
 def test_exponents_of_power_laws_are_exact() -> None:
@@ -58,14 +55,14 @@ def test_exponents_of_power_laws_are_exact() -> None:
 def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> None:
     """Time every engine at every size, the reference at more; one that dies is a row with its reason."""
     monkeypatch.setattr("touchstone.reports.bench.scaling.installed", lambda name: name != "mujoco")
-    curves = balls_at_rest([2, 4], [6], 2, 3, tmp_path, silence, fakes[0])
+    curves = balls_at_rest([2, 4], [6], 2, 3, tmp_path, quietly, fakes[0])
     found = {curve.engine: curve for curve in curves}
     assert found["reference"].sizes == [2, 4, 6]
     assert found["bullet"].sizes == [2, 4]
     for name in ("reference", "bullet"):
         assert found[name].ended is None
         assert [len(times) for times in found[name].times] == [6] * len(found[name].sizes)
-    assert found["dart"].ended == ("error", "died during 'build': exit code 7")
+    assert found["dart"].ended == ("error", "died during 'play': exit code 7")
     assert found["mujoco"].ended[0] == "missing"
     rows = rows_of_curves(curves)
     assert {(r.engine, r.verdict) for r in rows if r.metric == "run"} == {
@@ -75,8 +72,8 @@ def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> 
     # a fake's step sleeps a millisecond per ball at least
     for size, times in zip(found["reference"].sizes, found["reference"].times):
         assert (times >= 1e-3 * size).all()
-    text = shown(scaling, table(rows))
-    assert "error: dart: died during 'build': exit code 7" in text
+    text = shown(scaling.report(table(rows)))
+    assert "error: dart: died during 'play': exit code 7" in text
 
 
 def test_balls_rest_on_the_floor_and_apart() -> None:
@@ -100,7 +97,7 @@ def test_balls_rest_on_the_floor_and_apart() -> None:
     np.testing.assert_allclose(world._world.bodies["position"][1:], places, atol=1e-6)
 
 
-SMALL = scaling.Plan(
+SMALL = scaling.Amount(
     pieces=(70, 140),
     cloud_frames=3,
     balls=(2, 4),
@@ -126,7 +123,7 @@ def test_scaling_leaves_rows_and_picture(fakes, shown, monkeypatch, tmp_path: Pa
     # the fake takes a microsecond a vertex
     assert powers[VERTICES, REFERENCE] == pytest.approx(1.0, abs=1e-12)
     assert (tmp_path / "out" / "scaling.png").read_bytes().startswith(b"\x89PNG")
-    text = shown(scaling, rows)
+    text = shown(scaling.report(rows))
     assert "neighbours each" in text
     assert "20 vertices 3 of 3 not converged" in text
     # dart dies when it first builds, and is asked no more

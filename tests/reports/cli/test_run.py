@@ -13,8 +13,9 @@ import pytest
 
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import COLUMNS, Row
-from touchstone.reports.run import request, study
-from touchstone.reports.run.measure import NEEDED, measured
+from touchstone.reports.run import study
+from touchstone.reports.runner import request
+from touchstone.reports.verdict.rows import NEEDED, measured
 from touchstone.scenarios.catalogue import catalogue
 
 REFERENCE = ("--engine", "reference")

@@ -13,7 +13,7 @@ import typer
 from touchstone.adapters.knobs import SettingError
 from touchstone.adapters.registry import changes_of, settings_of
 from touchstone.reports.run import study
-from touchstone.reports.sweep import sweep
+from touchstone.reports.runner import sweep
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -13,7 +13,7 @@ import pytest
 
 from touchstone.adapters import registry
 from touchstone.adapters.registry import ENGINES, OURS, available
-from touchstone.reports.cli.listing import engines, show_rows
+from touchstone.reports.docs.listing import engines, show_rows
 from touchstone.reports.metrics import METRICS
 from touchstone.scenarios.catalogue import catalogue
 

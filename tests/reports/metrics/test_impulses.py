@@ -12,7 +12,7 @@ from touchstone.adapters.contract import FRICTION_IMPULSES, NOT_REPORTED
 from touchstone.reports.metrics.contacts.contact import LACKING, REFERENCE_SPEED
 from touchstone.reports.metrics.context import NotMeasured
 from touchstone.reports.results import Row
-from touchstone.reports.run.measure import measured
+from touchstone.reports.verdict.rows import measured
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Body, Piece, Sphere
 from touchstone.scenarios.solids import sphere_inertia

@@ -14,12 +14,12 @@ from touchstone.reports.metrics import METRICS, SOLVER_METRICS
 from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.metrics.solver import CAPS, DIGITS, Place, state_hash, state_hashed, worst_place
 from touchstone.reports.results import Row
-from touchstone.reports.run.measure import measured_of
 from touchstone.reports.studies.stability.play import hard_cell, play_all
 from touchstone.reports.verdict import failings
 from touchstone.reports.verdict.failings import Failing
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.unresolved import warning
+from touchstone.reports.verdict.rows import measured_of
+from touchstone.reports.verdict.unresolved import warning
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.difficulty.family import hard_scene
 

@@ -13,7 +13,7 @@ from touchstone.reports.page import charts as forces
 from touchstone.reports.page.charts import force_chart, force_charts
 from touchstone.reports.page.page import page
 from touchstone.reports.results import Row, table
-from touchstone.reports.run.request import Request, Results
+from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.views.comparison import FORCE_PICTURE, force_panels
 from touchstone.reports.views.comparison_pictures import draw_forces
 from touchstone.reports.views.markdown import report

@@ -10,8 +10,8 @@ import typer
 
 from touchstone.reports.cli import main
 from touchstone.reports.cli.options import YesOption, measuring
-from touchstone.reports.run import request as cost
-from touchstone.reports.run.request import TooLargeError, check_memory, limited
+from touchstone.reports.runner import request as cost
+from touchstone.reports.runner.request import TooLargeError, check_memory, limited
 from touchstone.scenarios.catalogue import catalogue
 
 

@@ -11,14 +11,8 @@ import pytest
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.run.farthest_apart import (
-    THRESHOLD,
-    apart_rows,
-    apart_table,
-    headlines,
-    length_text,
-    measured_horizon,
-)
+from touchstone.reports.run.farthest_apart import THRESHOLD, apart_rows, measured_horizon
+from touchstone.reports.views.apart import apart_table, headlines, length_text
 from touchstone.scenarios.catalogue import catalogue
 
 BALANCED, PAPER, MUJOCO = ("reference", "balanced"), ("reference", "paper"), ("mujoco", "recommended")

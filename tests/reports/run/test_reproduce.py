@@ -10,7 +10,7 @@ import pytest
 from touchstone.reports.cli import main as cli
 from touchstone.reports.results import Row
 from touchstone.reports.run import ratios
-from touchstone.reports.run.reproduce import reproduce
+from touchstone.reports.runner.reproduce import reproduce
 from touchstone.scenarios.catalogue import catalogue
 
 BOTH = "--engine reference --engine mujoco --profile balanced --profile recommended"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from io import StringIO
 from math import isnan, log
 
 import pytest
-from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.variable import MECHANISMS, constants
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.results import table
 from touchstone.reports.studies.ablation import (
     Effect,
@@ -22,8 +21,6 @@ from touchstone.reports.studies.ablation import (
     variations,
 )
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.tasks import Ended
-from touchstone.reports.views.render import print_parts
 
 SETTINGS = Settings("balanced", 1 / 60)
 CAP, GUARD = "geometry.gjk.GJK_CAP", "energy guard"
@@ -69,11 +66,10 @@ def test_a_line_tells_what_a_variation_buys_and_costs(frame):
     assert idle(frame) == [CAP]
 
 
-def test_the_table_and_the_picture_show_it(frame, tmp_path):
+def test_the_table_and_the_picture_show_it(shown, frame, tmp_path):
     """The table says what moves nothing; the picture is drawn."""
-    out = Console(width=160, file=StringIO())
-    print_parts(report(frame), out)
-    assert "energy guard off: wall energy.injected" in out.file.getvalue()
-    assert f"moves no scene in either direction: {CAP}" in out.file.getvalue()
+    text = shown(report(frame), 160)
+    assert "energy guard off: wall energy.injected" in text
+    assert f"moves no scene in either direction: {CAP}" in text
     mechanisms_picture(frame, tmp_path / "ablation.png")
     assert (tmp_path / "ablation.png").stat().st_size > 5000

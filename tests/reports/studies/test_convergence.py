@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
-from rich.console import Console
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.registry import installed
@@ -32,7 +30,6 @@ from touchstone.reports.studies.convergence.study import (
     scenes,
 )
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 
@@ -127,17 +124,15 @@ def test_who_is_nearer_to_the_truth() -> None:
     np.testing.assert_allclose(near.value, 5.0)
 
 
-def test_the_table_shows_order_floor_and_who_is_nearer(tmp_path: Path) -> None:
+def test_the_table_shows_order_floor_and_who_is_nearer(shown, tmp_path: Path) -> None:
     """Orders, floors and the mark are printed, and a run that ended early with its reason."""
     ended = Row(STUDY, "hill", "bullet", "recommended", 1 / 30, "run", verdict="skipped", reason="no hills")
     frame = pd.concat([forged(ERRORS), table([ended])], ignore_index=True)
-    out = StringIO()
-    print_parts(report(frame), Console(file=out, width=120))
-    lines = {line[1:20].strip(): line for line in out.getvalue().splitlines()[::-1]}
+    lines = {line[1:20].strip(): line for line in shown(report(frame), 120).splitlines()[::-1]}
     assert "2.00 (2.00 to 2.00)" in lines["reference balanced"]
     assert "! 2 of 7, 5.00" in lines["dart recommended"]
     assert "flat" in lines["mujoco recommended"]
-    assert "skipped: hill: no hills (bullet at 1/30 s)" in out.getvalue()
+    assert "skipped: hill: no hills (bullet at 1/30 s)" in shown(report(frame), 120)
     draw(frame, tmp_path / "full.png")
     draw(frame[:0], tmp_path / "empty.png")
     for name in ("full.png", "empty.png"):

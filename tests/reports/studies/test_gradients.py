@@ -8,6 +8,7 @@ from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import load
+from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.results import table
 from touchstone.reports.studies.gradients import (
     CASES,
@@ -21,7 +22,6 @@ from touchstone.reports.studies.gradients import (
     report,
     rows_of_task,
 )
-from touchstone.reports.studies.tasks import Ended
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.closed_form_ends import final_positions
 

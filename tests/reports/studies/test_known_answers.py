@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from touchstone.adapters.registry import installed
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.worker import play_one
+from touchstone.adapters.registry import installed, load
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.executors import play_cell
 
 
 def value(metric, scene, engine, dt, *changes):
@@ -14,7 +14,7 @@ def value(metric, scene, engine, dt, *changes):
     if not installed(engine):
         pytest.skip(f"{engine} is not installed")
     cell = Cell(scene, engine, "recommended", dt, changes, options=(f"metrics={metric}",))
-    done = play_one(cell)
+    done = play_cell(load(engine), cell)
     assert done.outcome == "done", done.rows
     return {row.subject: row.value for row in done.rows if row.metric == metric}
 

@@ -13,7 +13,7 @@ from touchstone.adapters.registry import ENGINES, OURS
 from touchstone.reports.cli.main import app
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, save, table
-from touchstone.reports.run.request import DEFAULT_PROFILES
+from touchstone.reports.runner.request import DEFAULT_PROFILES
 from touchstone.reports.verdict import failings, limits
 from touchstone.reports.verdict.failings import Failing, FailingsError, bounded, causes, known, read, write
 from touchstone.reports.verdict.judge import judged, lost

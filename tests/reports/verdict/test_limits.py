@@ -16,19 +16,19 @@ from touchstone.reports.bench.poses import FAMILIES
 from touchstone.reports.bench.scaling import BALLS, BROAD_PHASE, VERTICES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
-from touchstone.reports.studies import effects
+from touchstone.reports.studies import effects, robustness
 from touchstone.reports.studies.calibration.probes import SHAPES
 from touchstone.reports.studies.calibration.rows import ALL, LARGEST, SLOW
-from touchstone.reports.studies.inverse_kinematics import MEASURED, SOLVERS, STARTS
+from touchstone.reports.studies.inverse_kinematics import CCD, MEASURED, SOLVERS, STARTS
 from touchstone.reports.studies.predictability import ERROR
-from touchstone.reports.studies.robustness import study as robustness
 from touchstone.reports.verdict import limits as module
 from touchstone.reports.verdict.failings import NOISY, known
 from touchstone.reports.verdict.judge import judged, judged_in
-from touchstone.reports.verdict.limits import CCD, HINGE_SPEED, LIMITS, PERSON_ENERGY, Limit
+from touchstone.reports.verdict.limits import FILE, LIMITS, Limit, file_model
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue, tags
 from touchstone.scenarios.effects import PLANNED
+from touchstone.scenarios.files.read import data_of_file
 
 BENCH_METRICS = ("ratio.time", "certificate.open", "certificate.false", "scaling.exponent")
 ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2.0, "m", "a-b")
@@ -114,6 +114,20 @@ def test_every_entry_names_what_exists(entry):
         groups[entry.metric] = [one.name for one in catalogue()[entry.scenario].published]
     named = entry.subject in (*groups.get(entry.metric, ()), "*")
     assert numbered or named or set(filter(None, entry.subject.split("-"))) <= bodies
+
+
+def sizes(metric, reason):
+    """Scene -> the limit of a metric, among those with such a reason."""
+    return {one.scenario: one.largest for one in LIMITS if one.metric == metric and reason in one.reason}
+
+
+HINGE_SPEED = sizes("joint.speed", "tracker")
+PERSON_ENERGY = {scene: 100 * joule for scene, joule in sizes("energy.injected", "of its motion").items()}
+
+
+def test_the_file_is_one_of_limits():
+    """Our file has the fields of those of users."""
+    assert data_of_file(FILE, file_model())[1] == []
 
 
 @pytest.mark.parametrize("scene", HINGE_SPEED)

@@ -82,7 +82,11 @@ def lines(by_scene: bool = False) -> Iterator[Progress]:
     yield step
 
 
+def quietly(label: str, frames: int) -> None:
+    """No progress."""
+
+
 @contextmanager
 def silence() -> Iterator[Progress]:
-    """No progress."""
-    yield lambda label, frames: None
+    """The same, for as long as a command runs."""
+    yield quietly

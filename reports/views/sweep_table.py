@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.run.request import step_text
-from touchstone.reports.sweep.cells import TIMING
-from touchstone.reports.sweep.measures import FRAMES
+from touchstone.reports.runner.cells import TIMING
+from touchstone.reports.runner.measures import FRAMES
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.views.render import Part
 
 SHOWN = ("truth.position", "overlap.max", "energy.injected", "friction.stop", "friction.cone")

@@ -24,8 +24,8 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from touchstone.reports.results import COLUMNS, Row, write_beside
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.content_hash import FORMAT
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.content_hash import FORMAT, hash_of
 from touchstone.scenarios.files.safe_paths import json_of, regular
 
 MOST_FILES = 64
@@ -60,7 +60,6 @@ class Done:
     """A finished cell: its rows, the series of some of them by metric, `outcome` "done" or why it failed."""
 
     cell: Cell
-    hash: str
     rows: tuple[Row, ...]
     outcome: str = "done"
     series: Mapping[str, Sequence[float]] = field(default_factory=dict)
@@ -173,7 +172,7 @@ def _records(done: Done) -> Iterator[dict[str, object]]:
     """Rows of a cell as records of SCHEMA."""
     cell = done.cell
     fixed = {
-        "cell": done.hash,
+        "cell": hash_of(cell),
         "measure": cell.measure,
         "source": cell.source,
         "settings": " ".join(cell.changes),

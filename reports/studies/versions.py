@@ -25,12 +25,12 @@ from touchstone.adapters.workers.import_check import try_imports
 from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.bootstrap import Ratio, mean, restart_ratio
 from touchstone.reports.changes import ACROSS_VERSIONS, SHOWN, changes
-from touchstone.reports.cli.progress import SCENE, Progress
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.solver import state_hash
+from touchstone.reports.progress import SCENE, Progress
 from touchstone.reports.results import Row, save, save_manifest, table
-from touchstone.reports.run.request import Request, Results
-from touchstone.reports.run.study import judge_outcomes
+from touchstone.reports.run.study import job_of, judge_outcomes
+from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number, unit_of
 from touchstone.scenarios.scenario import Scenario
@@ -153,10 +153,8 @@ def _jobs(request: Request, scenario: Scenario, versions: list[str], folder: Pat
         for name in ("recordings", "output"):
             (place / name).mkdir(parents=True, exist_ok=True)
         for engine, profile in request.columns:
-            settings = request.settings(engine, profile)
-            name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
-            paths = place / "recordings" / f"{name}.npz", place / "output" / f"{name}.txt"
-            jobs.append(Job(label_of(engine, version), scenario, settings, *paths))
+            job = job_of(request, scenario, engine, profile, place)
+            jobs.append(replace(job, engine=label_of(engine, version)))
     return jobs
 
 

@@ -148,7 +148,7 @@ def metric_rows() -> list[dict[str, object]]:
 def profile_rows() -> list[dict[str, object]]:
     """Profiles of every engine with their native steps."""
     from touchstone.adapters.registry import ENGINES
-    from touchstone.reports.run.request import step_text
+    from touchstone.reports.runner.request import step_text
 
     return [
         {"profile": profile, "engine": name, "step [s]": step_text(dt)}

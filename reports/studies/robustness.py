@@ -8,31 +8,36 @@ and the spread of the figures; `runs.csv` has one line per run. Limits apply to 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import cycle
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from touchstone.adapters.contract import Settings
+from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsupported
+from touchstone.adapters.recorder import Player, ready
 from touchstone.adapters.registry import installed, load
-from touchstone.adapters.workers.pool import Loader
+from touchstone.adapters.workers.pool import HANG, Ended, Loader
 from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of, write_beside
-from touchstone.reports.studies.robustness.play import (
-    PATIENCE,
-    SeededTask,
-    assess_task,
-    assessment_of,
-)
+from touchstone.reports.runner.tasks import Task, own_step, played
 from touchstone.reports.studies.study import Column, kept, missing_rows
-from touchstone.reports.studies.tasks import own_step, played
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.verdict.outcomes import COUNTERS, EXACT, RANDOM_CLASSES, Assessment
+from touchstone.reports.verdict.outcomes import (
+    COUNTERS,
+    EXACT,
+    FIRST_ORDER,
+    RANDOM_CLASSES,
+    Assessment,
+    RunBounds,
+    class_of_end,
+    judge_random,
+)
 from touchstone.reports.views.pictures import (
     INK,
     PALE,
@@ -44,7 +49,77 @@ from touchstone.reports.views.pictures import (
     rows_for,
 )
 from touchstone.reports.views.render import Part
-from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of
+from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of, random_scene
+from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.transforms import perturbed
+
+FRAME_SECONDS = 5.0
+"""Time of a frame from which a run counts as hanging [s]: three hundred times a frame of 60 Hz."""
+SCENE_SECONDS = 120.0
+"""Processor time of a whole run from which it counts as hanging [s]: one that waits ends after PATIENCE."""
+PATIENCE = 300.0
+"""Time without an answer after which the process is terminated [s]: longer than a cold compilation."""
+
+
+@dataclass(frozen=True, slots=True)
+class SeededTask:
+    """One run: the scene of a seed on an engine; `perturbation` displaces each body by that distance [m]."""
+
+    engine: str
+    settings: Settings
+    seed: int
+    kind: str | None = None
+    perturbation: float = 0.0
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scene to play."""
+        scenario = random_scene(self.seed, self.kind)
+        return perturbed(scenario, self.perturbation, self.seed) if self.perturbation else scenario
+
+
+def assess(engine: Engine, scenario: Scenario, settings: Settings, bounds: RunBounds) -> Assessment:
+    """Play a scene in this process and classify the run; a failed run is assessed up to its failure."""
+    player: Player | None = None
+    outcome, reason = "", ""
+    try:
+        player = ready(engine, scenario, settings)
+        outcome = _play(player, scenario)
+    except Unsupported as error:
+        return Assessment("skipped", str(error))
+    except AdapterError as error:
+        outcome, reason = class_of_end(str(error), "error"), str(error)
+    if player is None:
+        return Assessment(outcome, reason)
+    recording = player.recording(reason)
+    player.world.close()
+    return judge_random(recording, scenario, bounds, outcome, reason)
+
+
+def _play(player: Player, scenario: Scenario) -> str:
+    """Play frame by frame until the end or a timeout; returns "" or "hang"."""
+    start = process_time()
+    for _ in range(scenario.frame_count):
+        before = player.seconds_played
+        player.play(1)
+        if player.seconds_played - before > FRAME_SECONDS or process_time() - start > SCENE_SECONDS:
+            return "hang"
+    return ""
+
+
+def assess_task(engine: Engine, task: Task | SeededTask) -> Assessment:
+    """Play a task in this process, with the bounds of its engine."""
+    bounds = EXACT if task.engine == "reference" else FIRST_ORDER
+    return assess(engine, task.scenario, task.settings, bounds)
+
+
+def assessment_of(found: Assessment | Ended) -> Assessment:
+    """Assessment of a task, or the class of one that ended its process."""
+    if not isinstance(found, Ended):
+        return found
+    skipped = found.status if found.status == "skipped" else "error"
+    return Assessment(HANG if found.process == HANG else skipped, found.reason)
+
 
 STUDY = "robustness"
 ALL = "all"

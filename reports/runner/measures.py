@@ -12,8 +12,9 @@ from touchstone.adapters.recorder import build, frame_seconds, record
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.results import Row
-from touchstone.reports.run.measure import measured_of
-from touchstone.reports.sweep.cells import Cell
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.verdict.rows import measured_of
+from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario
 
@@ -31,6 +32,11 @@ METRICS = (
 FRAMES, PATH = "frames", "path"
 """Rows with a series: native seconds of each displayed frame, and the centres of mass of the moving bodies,
 flat (f, n, 3) [m]. Their values are the numbers of frames and of bodies."""
+PERTURBED_SEEDS = (0, 1)
+"""Perturbed runs that measure the horizon."""
+HORIZON_DISTANCE = 1e-4
+"""Distance from the unperturbed run beyond which a scene is no longer compared [m]: a perturbation of 1e-6 m
+has grown by a hundred; a tenth of the tolerance of positions."""
 LEFT_PLAN = "plan does not hold"
 """Part of the message of a run that left the bounds of its plan; it is played again with all effects."""
 TIMED_SECONDS = 0.1
@@ -59,6 +65,16 @@ def moving(scenario: Scenario) -> list[int]:
         if found := [k for k, body in enumerate(scenario.bodies) if body.kind == kind]:
             return found
     return []
+
+
+def closed_path(scenario: Scenario) -> Array | None:
+    """Centres of mass of the moving bodies in closed form (f, n, 3) [m]; None unless all have one."""
+    truths = {scenario.body_index(truth.body): truth for truth in scenario.truths}
+    bodies = moving(scenario)
+    if not truths or not set(bodies) <= truths.keys():
+        return None
+    times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
+    return np.stack([motion(scenario, truths[k], times).position for k in bodies], axis=1)
 
 
 def accuracy(cell: Cell, scenario: Scenario, engine: Engine) -> Measured:
@@ -95,7 +111,7 @@ def _record(cell: Cell, scenario: Scenario, engine: Engine) -> tuple[Recording, 
 def timing(cell: Cell, scenario: Scenario, engine: Engine) -> Measured:
     """Time native steps, without reading the state, until TIMED_SECONDS have passed: seconds per frame.
 
-    The process is pinned to a core and alone, and has warmed up its engine (`TimingRounds`).
+    The process is pinned to a core and alone, and has warmed up its engine (`InTurns`).
     """
     world, settings, _ = build(engine, scenario, cell.settings)
     spent: list[float] = []

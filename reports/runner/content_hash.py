@@ -18,7 +18,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import scenario_json
 from touchstone.adapters.registry import ENGINES, OURS
 from touchstone.reports.machine import machine
-from touchstone.reports.sweep.cells import SCENES_KEPT, TIMING, Cell, scene_of
+from touchstone.reports.runner.cells import SCENES_KEPT, TIMING, Cell, scene_of
 from touchstone.scenarios.scenario import Scenario
 
 FORMAT = 1

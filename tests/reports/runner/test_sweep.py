@@ -12,11 +12,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.knobs import SettingError
-from touchstone.reports.sweep.cells import combinations, grid
-from touchstone.reports.sweep.clusters import ClusterError, DaskPool, PartError, part_of, script
-from touchstone.reports.sweep.store import Store, StoreError
-from touchstone.reports.sweep.sweep import BatchPool, sweep
+from touchstone.reports.runner import executors
+from touchstone.reports.runner.cells import combinations, grid
+from touchstone.reports.runner.executors import (
+    ClusterError,
+    DaskPool,
+    InPool,
+    PartError,
+    part_of,
+    play_cell,
+    script,
+)
+from touchstone.reports.runner.store import Store, StoreError
+from touchstone.reports.runner.sweep import sweep
 
 
 def test_a_grid_has_every_combination_once():
@@ -114,7 +124,7 @@ def test_a_cluster_keeps_going(fakes, tmp_path, monkeypatch):
 def test_an_unreachable_cluster_is_one_line(fakes, tmp_path, monkeypatch, address):
     """The address is named, and what the store holds stays."""
     pytest.importorskip("distributed")
-    monkeypatch.setattr("touchstone.reports.sweep.clusters.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("touchstone.reports.runner.executors.CONNECT_SECONDS", 1)
     with pytest.raises(ClusterError, match=f"^--dask {address}: cannot be reached [^\n]*$"):
         sweep(fakes("square", 1), tmp_path / "s", executor=lambda output: DaskPool(address, 1, output))
     assert Store(tmp_path / "s").table().empty
@@ -158,7 +168,7 @@ def pool(jobs=1, patience=PATIENCE):
     """Executor of fake engines."""
     from fake_measures import load
 
-    return lambda output: BatchPool(jobs, output, load, patience)
+    return lambda output: InPool(jobs, output, load, patience)
 
 
 def squares(frame):
@@ -199,10 +209,10 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from fake_measures import cells, load
-from touchstone.reports.sweep.sweep import BatchPool
-from touchstone.reports.sweep.sweep import sweep
+from touchstone.reports.runner.executors import InPool
+from touchstone.reports.runner.sweep import sweep
 if __name__ == "__main__":
-    sweep(cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: BatchPool(1, out, load))
+    sweep(cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: InPool(1, out, load))
 """
 
 
@@ -288,16 +298,30 @@ def test_a_full_disk_keeps_what_was_measured(fakes, tmp_path, monkeypatch):
 
 def test_ten_thousand_cells_are_resumed_at_once(fakes, tmp_path):
     """10,000 finished cells are hashed, found and read in under 5 s."""
-    from touchstone.reports.sweep.worker import play
-
     store = Store(tmp_path / "s")
     cells = fakes("square", 10_000)
     from fake_measures import load
 
     with store.opened():
         for first in range(0, 10_000, 100):
-            store.append(play(cells[first : first + 100], load))
+            store.append([play_cell(load("mujoco"), cell) for cell in cells[first : first + 100]])
     start = time.perf_counter()
     frame = sweep(cells, store.folder, executor=pool())
     assert time.perf_counter() - start < 5
     assert frame.cell.nunique() == 10_000
+
+
+def test_the_measure_decides_what_a_refused_warm_up_means(fakes, monkeypatch):
+    """A process whose first scene is refused still measures: the measure says what a refusal is."""
+    from fake_measures import Engine
+
+    class Choosy(Engine):
+        def build(self, scenario, settings):
+            raise Unsupported("no balls")
+
+    monkeypatch.setattr(executors, "_warm", set())
+    (cell,) = fakes("square", 1)
+    assert play_cell(Choosy(), cell).outcome == "done"
+    assert executors._warm == set()
+    assert play_cell(Engine(), cell).outcome == "done"
+    assert executors._warm == {"mujoco"}

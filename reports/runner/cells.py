@@ -20,7 +20,7 @@ from touchstone.scenarios.transforms import perturbed
 PERTURBATION = 1e-6
 """Displacement of `perturbed_scene` [m]: what single precision and solvers' tolerances leave open."""
 FILE, PERTURBED_FILE = (
-    f"touchstone.reports.sweep.cells:{name}" for name in ("named_scene", "perturbed_named")
+    f"touchstone.reports.runner.cells:{name}" for name in ("named_scene", "perturbed_named")
 )
 """Sources whose scenes may be files."""
 
@@ -47,10 +47,10 @@ def perturbed_named(name: str, seed: int) -> Scenario:
     return perturbed(named_scene(name, seed), PERTURBATION, seed)
 
 
-ACCURACY = "touchstone.reports.sweep.measures:accuracy"
-TIMING = "touchstone.reports.sweep.measures:timing"
-CATALOGUE = "touchstone.reports.sweep.cells:from_catalogue"
-PERTURBED = "touchstone.reports.sweep.cells:perturbed_scene"
+ACCURACY = "touchstone.reports.runner.measures:accuracy"
+TIMING = "touchstone.reports.runner.measures:timing"
+CATALOGUE = "touchstone.reports.runner.cells:from_catalogue"
+PERTURBED = "touchstone.reports.runner.cells:perturbed_scene"
 """Names of measures and of sources of scenes: "module:function"."""
 SCENES_KEPT = 512
 """Scenes that a process keeps."""

@@ -15,12 +15,12 @@ import pandas as pd
 from touchstone.adapters.contract import DRIVES, Settings
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, changes_of
-from touchstone.reports.cli.progress import Progress
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course
+from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
 from touchstone.reports.verdict.limits import Limit
-from touchstone.reports.views.unresolved import warning
+from touchstone.reports.verdict.unresolved import warning
 from touchstone.scenarios.scenario import Scenario, ShortRepr
 
 NUMBERS_OF_A_BODY = 13

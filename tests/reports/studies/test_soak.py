@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from touchstone.reports.soak.soak import Extent, shrunk, soak
+from touchstone.reports.studies.soak import Extent, shrunk, soak
 from touchstone.scenarios.files.named import scenes_of_file
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import Sphere
@@ -16,7 +16,7 @@ from touchstone.scenarios.scenario import Sphere
 @pytest.fixture(autouse=True)
 def _importable(monkeypatch):
     """Let children import the fake engines of the study robustness."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[1]))
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
 
 
 SMALL = [

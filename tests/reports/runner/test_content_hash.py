@@ -11,9 +11,9 @@ import pytest
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.entry import ENGINES, Entry
-from touchstone.reports.sweep import content_hash
-from touchstone.reports.sweep.cells import TIMING, Cell
-from touchstone.reports.sweep.content_hash import hash_of, hash_of_run
+from touchstone.reports.runner import content_hash
+from touchstone.reports.runner.cells import TIMING, Cell
+from touchstone.reports.runner.content_hash import hash_of, hash_of_run
 from touchstone.scenarios.catalogue import catalogue
 
 CELL = Cell("fall", "mujoco", "recommended", 1 / 240, ("a=1", "b=2"), options=("p=1", "q=2"))
@@ -26,7 +26,7 @@ CHANGES = {
     "seed": 1,
     "effects": True,
     "measure": "touchstone.reports.machine:machine",
-    "source": "touchstone.reports.sweep.cells:perturbed_scene",
+    "source": "touchstone.reports.runner.cells:perturbed_scene",
     "options": ("p=1",),
     "repeat": 1,
 }
@@ -49,7 +49,7 @@ def test_order_and_process_do_not_count():
     """The order of changes, the process and its random seed leave the hash as it is."""
     reordered = replace(CELL, changes=CELL.changes[::-1], options=CELL.options[::-1])
     assert hash_of(reordered) == hash_of(CELL)
-    code = f"from touchstone.reports.sweep.{{}} import *; print(hash_of({CELL!r}))"
+    code = f"from touchstone.reports.runner.{{}} import *; print(hash_of({CELL!r}))"
     code = code.replace("{}", "content_hash").replace("*", "Cell, hash_of")
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -79,8 +79,8 @@ def test_the_processor_counts_for_timing_only(monkeypatch):
         ("mujoco", "adapters/engines/bullet/tables.py", False),
         ("mujoco", "adapters/recorder.py", True),
         ("mujoco", "reports/metrics/contacts/overlap.py", True),
-        ("mujoco", "reports/sweep/measures.py", True),
-        ("mujoco", "reports/sweep/sweep.py", False),
+        ("mujoco", "reports/runner/measures.py", True),
+        ("mujoco", "reports/runner/sweep.py", False),
         ("mujoco", "scenarios/effects.py", True),
         ("mujoco", "scenarios/families/coin.py", False),
     ],

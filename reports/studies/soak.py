@@ -19,8 +19,8 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES, load
 from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
 from touchstone.reports.results import write_beside
-from touchstone.reports.studies.robustness.play import PATIENCE, assess_task, assessment_of
-from touchstone.reports.studies.tasks import Task, asked_of
+from touchstone.reports.runner.tasks import Task
+from touchstone.reports.studies.robustness import PATIENCE, assess_task, assessment_of
 from touchstone.reports.verdict.outcomes import Assessment
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.random_scenes import random_scene
@@ -170,7 +170,7 @@ def soak(
 
     def one(slot: Slot[EngineProcess], seed: int) -> Iterator[Assessment | Failure]:
         def played(scenario: Scenario) -> Assessment:
-            return assessment_of(asked_of(slot, Task(scenario, ENGINE, settings)))
+            return assessment_of(slot.child().ask("play", Task(scenario, ENGINE, settings)))
 
         def fails(scenario: Scenario) -> bool:
             return played(scenario).outcome == first.outcome

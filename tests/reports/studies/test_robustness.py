@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.results import table
-from touchstone.reports.studies.robustness import study
-from touchstone.reports.studies.robustness.play import SeededTask, assess
-from touchstone.reports.studies.robustness.study import (
+from touchstone.reports.studies import robustness as study
+from touchstone.reports.studies.robustness import (
     ALL,
+    SeededTask,
+    assess,
     line,
     report,
     rise_over_residual,
@@ -28,7 +28,6 @@ from touchstone.reports.studies.robustness.study import (
 )
 from touchstone.reports.verdict.figures import available_energy
 from touchstone.reports.verdict.outcomes import EXACT, lowest_points
-from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball, block, slab
@@ -170,13 +169,12 @@ def test_tasks_are_seeds_per_column():
     assert {task.settings.dt for task in found} == {ENGINES["reference"].profiles["balanced"]}
 
 
-def test_what_is_shown(fakes, capsys):
+def test_what_is_shown(fakes, shown):
     """Print a table per column with the classes that occur, the limits that broke and the worst runs."""
     asked = [SeededTask("reference", SETTINGS, TOWER)] * 2
     found = [assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("explodes", "rests")]
     rows = [study.judged(row, ()) for row in study.rows_of_runs(list(zip(asked, found)))]
-    print_parts(report(table(rows)), Console(width=120, force_terminal=False))
-    text = capsys.readouterr().out
+    text = shown(report(table(rows)), 120)
     assert "robustness: reference, balanced" in text
     assert "limit broken: reference balanced: robustness.exploded" in text
     assert f"--seed {TOWER} --engine reference" in text

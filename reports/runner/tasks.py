@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from touchstone.adapters.contract import UNIMPORTABLE, AdapterError, Engine, Settings
+from touchstone.adapters.contract import Engine, Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.adapters.registry import ENGINES, load
-from touchstone.adapters.workers.pool import EngineProcess, EngineTask, Loader, Pool, Slot
-from touchstone.reports.cli.progress import Progress
+from touchstone.adapters.workers.pool import EngineTask, Loader, played_in_pool
+from touchstone.reports.progress import Progress
 from touchstone.scenarios.scenario import Scenario
 
 PATIENCE = 600.0
@@ -44,15 +43,6 @@ class Task:
         return found
 
 
-@dataclass(frozen=True, slots=True)
-class Ended:
-    """Verdict and reason of a task without a result; `hung`: because there was no answer."""
-
-    status: str
-    reason: str
-    hung: bool = False
-
-
 def own_profile(engine: str) -> str:
     """The profile in which an engine is compared with others: its first."""
     return next(iter(ENGINES[engine].profiles))
@@ -78,40 +68,10 @@ def played(
     patience: float = PATIENCE,
     processes: int = PROCESSES,
 ) -> list[Any]:
-    """Result of `play(engine, task)` per task, in child processes whose output goes to `folder`.
-
-    A task that an engine refuses, or that ends its process, gives Ended, and the process is replaced. An
-    engine that cannot be imported is tried once.
-    """
-
-    unimportable: dict[str, Ended] = {}
-
-    def one(slot: Slot[EngineProcess], number: int) -> list[tuple[int, object]]:
-        engine = tasks[number].engine
-        found = unimportable.get(engine) or asked_of(slot, tasks[number])
-        if isinstance(found, Ended) and found.status == UNIMPORTABLE:
-            unimportable[engine] = found
-        return [(number, found)]
-
+    """Result of `play(engine, task)` or Ended per task, in child processes whose output goes to `folder`."""
     folder.mkdir(exist_ok=True)
-    start = partial(EngineProcess, partial(refusable, play), loader=loader, patience=patience)
     done: dict[int, object] = {}
-    for number, found in Pool(start, min(processes, len(tasks)), folder).each(range(len(tasks)), one):
+    for number, found in played_in_pool(play, tasks, folder, processes, loader, patience):
         done[number] = found
         progress(f"{tasks[number].engine} {tasks[number].settings.label}", 1)
     return [done[number] for number in range(len(tasks))]
-
-
-def asked_of(slot: Slot[EngineProcess], task: EngineTask) -> Any:
-    """Result of a task by a process that plays it, or Ended if the process failed."""
-    child = slot.child()
-    found = child.ask("play", task)
-    return found if child.failure is None else Ended(*child.failure, child.hung)
-
-
-def refusable(play: Callable[[Engine, Any], object], engine: Engine, task: object) -> object:
-    """Result of a task, or Ended if the engine refuses it: the process goes on."""
-    try:
-        return play(engine, task)
-    except AdapterError as error:
-        return Ended(error.status, str(error))

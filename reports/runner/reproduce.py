@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.results import Row
-from touchstone.reports.run.request import EVERY_ENGINE, MACHINE_PROFILE, step_text
+from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, step_text
 from touchstone.reports.verdict.limits import valid_metrics
 from touchstone.scenarios.catalogue import catalogue
 

@@ -7,8 +7,8 @@ import time
 from dataclasses import replace
 
 from touchstone.adapters.contract import AdapterError, Manifest
-from touchstone.reports.sweep.cells import Cell
-from touchstone.reports.sweep.measures import Measured, base_row
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.measures import Measured, base_row
 
 
 def cells(measure, count, options=()):
