@@ -46,8 +46,8 @@ PACKED = 0.58
 SCATTERS = 0.1
 """Share of the weight by which the floor's load differs between windows of a run [1]."""
 JANSSEN = (
-    "Janssen (1895), Z. VDI 39, 1045: the floor of a silo carries (1 - e^-x) / x of the weight, x = 4 mu "
-    "K h / width; for K sources differ, from Rankine's (1 - sin) / (1 + sin) to (1 - sin^2) / (1 + sin^2) "
+    "Janssen (1895), translated in arXiv:cond-mat/0511618: the floor of a silo carries (1 - e^-x) / x of the "
+    "weight, x = 4 mu K h / width; for K sources differ, from Rankine's (1 - sin) / (1 + sin) to (1 - sin^2) / (1 + sin^2) "
     "at a wall that slips, tan = mu: 0.38 to 0.67. Marini Bettolo Marconi et al. (2000), Physica A 280, "
     "279: loads scatter widely. Value: the middle; tolerance: the ends, and a tenth of the weight"
 )
@@ -122,7 +122,7 @@ SAND, CONTINUUM = 1.2, 2.28
 """Run-out of the front over aspect ratio and first length [1], by two sources."""
 LUBE = (
     "Lube et al. (2005), Phys. Rev. E 72, 041301: the front of sand in a channel runs 1.2 a of the first "
-    "length up to a of 1.8; Dunatunga & Kamrin (2015), J. Fluid Mech. 779, 483, table 3, disagree: 2.28 a "
+    "length at small a; Dunatunga & Kamrin (2015), J. Fluid Mech. 779, 483, table 3, disagree: 2.28 a "
     "in plane strain. The value is between them, the tolerance reaches both; not integrated"
 )
 
