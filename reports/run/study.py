@@ -31,7 +31,6 @@ from touchstone.reports.views.frame_budget import write_picture
 from touchstone.reports.views.markdown import report
 from touchstone.scenarios.scenario import Scenario
 
-
 HEAP_BUDGET = 180.0
 """Time of an engine's steps after which its column skips the rest of a heap [s]: the reference takes 80 s for
 1,000 grains, DART several hours."""

@@ -1,6 +1,6 @@
 """Every command of README and of the pages parses; the slow test runs it in a folder with what it names, and
-compares the exit code with that of the page: 0, or N of a comment `# exit N` or of `exit N` in a table's row; figures of
-`docs/answers.md` are compared with what its commands measure.
+compares the exit code with that of the page: 0, or N of a comment `# exit N` or of `exit N` in a table's row.
+Figures of `docs/answers.md` are compared with what its commands measure.
 
 `docs/tour.md` and `docs/your_scene.md` have tests of their own, which compare what their commands print.
 """

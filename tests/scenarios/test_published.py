@@ -50,10 +50,11 @@ def frames(scenario: Scenario) -> np.ndarray:
 
 
 def test_values_have_sources() -> None:
-    """At least 30 values, each with author and year, in the scenes of the tag and in no others."""
+    """At least 30 values, each with author and year, in the scenes of the tag and in a large one."""
     assert len(ROWS) >= 30
-    assert {scene for scene, _ in ROWS} == {scene.name for scene in tagged("literature")}
-    for scene in tagged("literature"):
+    scenes = (*tagged("literature"), catalogue()["silo_1000"])
+    assert {scene for scene, _ in ROWS} == {scene.name for scene in scenes}
+    for scene in scenes:
         for one in scene.published:
             assert re.match(r"[\w&., é]+ \(1[6-9]\d\d\)|[\w&., é]+ \(20\d\d\)", one.source), one.source
 

@@ -196,8 +196,8 @@ def test_identification_agrees_with_a_grid(search):
 
 
 def test_the_command_prints_and_draws(touchstone, tmp_path):
-    """A line per engine, the floor and the noise, a picture, a report and a page; before the impact the reference is within
-    the noise of tracking."""
+    """A line per engine, the floor and the noise, a picture, a report and a page; before the impact the
+    reference is within the noise of tracking."""
     code, out, _ = touchstone("reality", "tosses", TOSSES, "--engine", "reference", "--out", "found")
     assert code == 0
     assert all(name in out for name in ("reference balanced", "floor", "tracking"))
