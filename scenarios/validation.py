@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import combinations_with_replacement, pairwise
 from math import inf, isfinite
 from typing import get_args
 
@@ -120,15 +121,16 @@ def _check_names(scenario: Scenario, report: Report) -> None:
     }
     groups |= {f"bodies[{i}].pieces": body.pieces for i, body in enumerate(scenario.bodies)}
     for path, group in groups.items():
-        names = [item.name for item in group]
-        for i, name in enumerate(names):
+        seen: set[str] = set()
+        for i, name in enumerate(item.name for item in group):
             if not name:
                 report(f"{path}[{i}].name", "found none, expected a name")
             elif not name.isprintable() or len(name) > LONGEST_NAME:
                 expected = f"at most {LONGEST_NAME} printable characters"
                 report(f"{path}[{i}].name", f"found {name[:LONGEST_NAME]!r}, expected {expected}")
-            elif name in names[:i]:
+            elif name in seen:
                 report(f"{path}[{i}].name", f"{name!r} is used twice")
+            seen.add(name)
     for i, reason in ambiguities([body.name for body in scenario.bodies]):
         report(f"bodies[{i}].name", reason)
     if not scenario.name:
@@ -260,11 +262,11 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
     for i, body in enumerate(scenario.bodies):
         if body.material not in materials:
             report(f"bodies[{i}].material", f"unknown {body.material!r}; valid: {', '.join(materials)}")
-        for other in scenario.bodies[:i]:
-            pair_names = frozenset((body.material, other.material))
-            unmovable = {body.kind, other.kind} <= {*UNMOVED}
-            if not unmovable and pair_names not in seen and pair_names <= set(materials):
-                missing.add(tuple(sorted((body.material, other.material))))
+    groups = Counter((body.material, body.kind in UNMOVED) for body in scenario.bodies)
+    for (a, a_stays), (b, b_stays) in combinations_with_replacement(groups, 2):
+        alone = (a, a_stays) == (b, b_stays) and groups[a, a_stays] == 1
+        if not (alone or (a_stays and b_stays) or {a, b} in seen) and {a, b} <= set(materials):
+            missing.add(tuple(sorted((a, b))))
     for names in sorted(missing):
         report("coefficients", f"no coefficients for the pair {' and '.join(names)}")
 

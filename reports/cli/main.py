@@ -200,7 +200,9 @@ def run(
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with progress_for(frames, quiet, by_scene=True) as progress:
             shown = _show_at_once(progress, broken) if at_once else _ignore
-            results = run_study(request, progress if yes else limited(progress, frames), shown)
+            # heaps end by their budget
+            bounded = yes or all("heap" in one.tags for one in request.scenarios)
+            results = run_study(request, progress if bounded else limited(progress, frames), shown)
     except (OutputError, TooLargeError) as error:
         stop(str(error), BAD_INPUT)
     if broken:

@@ -20,6 +20,7 @@ from touchstone.reports.results import rows_of, write_beside
 from touchstone.reports.runner.reproduce import reproduce
 from touchstone.reports.runner.request import REFERENCE, STUDY
 from touchstone.reports.views.matrix import BAD, GOOD, WARN, plural, verdict_of
+from touchstone.reports.views.published import published_part
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue
@@ -131,11 +132,14 @@ def write_page(
     facts = measured.identity
     known = {"commit": f"{facts['commit']}{'+' if facts['dirty'] else ''}", "started": facts["started"]}
     known |= {"load": f"{facts['load']:.2f}", "hardware": facts["fingerprint"]}
+    run = measured.frame[measured.frame.study == STUDY]
+    scenes = [one for one in catalogue().values() if one.name in set(run.scenario)]
     content = Content(
         title=f"touchstone, night of {str(facts['started'])[:10]}",
         level=level,
         verdict=verdict,
-        frame=measured.frame[measured.frame.study == STUDY],
+        frame=run,
+        published=published_part(run, scenes),
         studies=measured.frame[measured.frame.study != STUDY],
         command="touchstone nightly" + (" --quick" if facts["settings"].get("quick") else ""),
         changes=changes(findings),

@@ -122,6 +122,8 @@ class Content:
         history: heading -> chart of nights, as SVG.
         times: times of nights that are too few for a chart.
         published: published values, and what was measured.
+        measured: measured motions, and how far engines are from them.
+        picture: of that, a PNG in base64; "" without.
         studies: long table of studies beside the scenes; None without.
     """
 
@@ -139,6 +141,8 @@ class Content:
     history: Mapping[str, str] = field(default_factory=dict)
     times: Part = field(default_factory=Part)
     published: Part = field(default_factory=Part)
+    measured: Part = field(default_factory=Part)
+    picture: str = ""
     studies: pd.DataFrame | None = None
 
     def columns(self) -> list[Column]:

@@ -15,7 +15,7 @@ from touchstone.reports.page import charts, matrix, sections
 from touchstone.reports.page.html import Content, fold, rows_by_scene
 from touchstone.reports.page.playback import ALARM
 from touchstone.reports.page.sections import studies_part
-from touchstone.reports.results import rows_of
+from touchstone.reports.results import Row, rows_of
 from touchstone.reports.views.matrix import SCALE
 from touchstone.reports.views.tables import LEGEND
 
@@ -50,17 +50,14 @@ def page(content: Content) -> str:
         f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
-    every = rows_of(content.frame)
     studies = studies_part(content.studies) if content.studies is not None and len(content.studies) else ""
     parts = [
         sections.published_part(content),
+        sections.measured_part(content),
         sections.charts_part(content),
         sections.nights_part(content),
         fold("Hard cases and studies", studies, "studies") if studies else "",
-        matrix.known_part(every, scenes),
-        fold("Where the reference loses", sections.reference_loses(content.frame, scenes), "loses"),
-        sections.scene_parts(content, scenes),
-        fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
+        *(_scene_parts(content, scenes) if scenes else ()),
         fold("Machine, program and command", sections.identity_part(content), "identity"),
     ]
     return Template(_asset("page.html")).substitute(
@@ -71,15 +68,27 @@ def page(content: Content) -> str:
         level=content.level,
         verdict=escape(content.verdict),
         changes=matrix.changes_part(content.changes, scenes),
-        broken=matrix.broken_part(every, scenes),
-        scale=escape(SCALE),
-        legend="".join(f"<p>{escape(line)}</p>" for line in LEGEND.splitlines()),
-        matrix=table,
+        broken=matrix.broken_part(rows_of(content.frame), scenes),
+        matrix=_matrix(table) if scenes else "",
         playback=_player(playback) if playback else "",
         parts="".join(parts),
         cells=_data({"cells": cells, "colors": charts.colors()}),
         scenes=_data(playback),
     )
+
+
+def _scene_parts(content: Content, scenes: dict[str, list[Row]]) -> tuple[str, ...]:
+    return (
+        matrix.known_part(rows_of(content.frame), scenes),
+        fold("Where the reference loses", sections.reference_loses(content.frame, scenes), "loses"),
+        sections.scene_parts(content, scenes),
+        fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
+    )
+
+
+def _matrix(table: str) -> str:
+    legend = "".join(f"<p>{escape(line)}</p>" for line in LEGEND.splitlines())
+    return Template(_asset("matrix.html")).substitute(scale=escape(SCALE), legend=legend, matrix=table)
 
 
 def _player(playback: Mapping[str, str]) -> str:

@@ -107,6 +107,15 @@ def published_part(content: Content) -> str:
     return fold(part.title, part_body(part), "published", True) if part.rows else ""
 
 
+def measured_part(content: Content) -> str:
+    """Measured motions with their picture, and how far engines are from them; "" where none was played."""
+    part = content.measured
+    if not part.rows:
+        return ""
+    drawn = figure("", f'<img alt="{escape(part.title)}" src="data:image/png;base64,{content.picture}">')
+    return fold(part.title, drawn * bool(content.picture) + part_body(part), "measured", True)
+
+
 def nights_part(content: Content) -> str:
     """Times over nights, folded away: a table of few nights, charts of more."""
     drawn = "".join(figure(title, svg) for title, svg in content.history.items())

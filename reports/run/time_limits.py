@@ -1,4 +1,4 @@
-"""Limits on ratios of frame times: what is aimed at, and 1.5 times what `bench frame` measured.
+"""Limits on ratios of frame times: what is aimed at, and 1.5 times what `bench frame` or a run measured.
 
 `time_limits.csv` holds the measured ratio of the reference to the fastest engine per scene, profile, kind of
 comparison and metric. Measure again by `touchstone bench frame` and

@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from math import inf
 from pathlib import Path
 from time import monotonic
 
@@ -110,7 +109,6 @@ class Request(ShortRepr):
     drive: str = "native"  # drive of hinges in DART, Bullet and MuJoCo
     tracker: str = "ideal"  # the variant of the trackers that the scenes have
     limits: tuple[Limit, ...] = ()  # of a file; they come before the scenes' own and ours
-    budget: float = inf  # seconds of native steps after which a column skips the rest of a scene
 
     def settings(self, engine: str, profile: str) -> Settings:
         """The settings of a column."""

@@ -21,9 +21,8 @@ MASS = 0.1
 WAVES = {0.028: 1.1661, 0.05: 1.0943}
 """Free distance of neighbours [m] -> speed of the wave between two dominoes [m/s], for a friction of 0.4."""
 LEEUWEN = (
-    "van Leeuwen (2010), Am. J. Phys. 78, 721: falling dominoes lean on each other and rub, as Stronge & "
-    "Shu (1988), Proc. R. Soc. A 418, 155, found. Integrated from his model of contact; no printed speed "
-    "was at hand"
+    "van Leeuwen (2010), Am. J. Phys. 78, 721: falling dominoes lean on each other and rub. Integrated from "
+    "his model of contact; no printed speed, his or that of Stronge & Shu (1988), was at hand"
 )
 FIRST, LAST = 12, 17
 """Dominoes between which the speed is measured: within 0.7 % of that of an endless row."""

@@ -38,8 +38,8 @@ CASES: dict[str, Case] = {
 }
 KANE = (
     "Stronge (1990), Proc. R. Soc. A 431, 169: work is restored; Newton (reversed speed) and Poisson "
-    "(impulse) disagree where the slip ends, and Newton's law may gain energy there, Kane's paradox "
-    "(1984). Integrated"
+    "(impulse) disagree where the slip ends; Newton's law may gain energy where it reverses, Kane's paradox "
+    "(Stronge 1991, J. Appl. Mech. 58, 1049). Integrated"
 )
 END = 0.1
 """Time at which rates are measured [s]: soft contacts have ended, and the other end is still in the air."""

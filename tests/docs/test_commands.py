@@ -1,5 +1,6 @@
 """Every command of README and of the pages parses; the slow test runs it in a folder with what it names, and
 compares the exit code with that of the page: 0, or N of a comment `# exit N` or of `exit N` in a table's row.
+Figures of `docs/answers.md` are compared with what its commands measure.
 
 `docs/tour.md` and `docs/your_scene.md` have tests of their own, which compare what their commands print.
 """
@@ -16,6 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import pandas as pd
 import pytest
 import typer
 
@@ -185,3 +187,43 @@ def test_the_table_of_readme_is_what_its_command_prints(tmp_path, monkeypatch):
     )
     assert len(shown) > 8
     assert {name: pytest.approx(row, rel=0.02, abs=1e-9) for name, row in shown.items()} == printed
+
+
+QUANTITY = r"\d[\d.]*(?:e-?\d+)?(?: (?:um/s|mm|m|%))?"
+FOUR = re.compile(rf"{QUANTITY}, {QUANTITY}, {QUANTITY} and {QUANTITY}")
+"""Figures of `docs/answers.md`, in its order of engines; a unit that only the last has is that of all."""
+SI = {"um/s": 1e-6, "mm": 1e-3, "m": 1.0, "%": 0.01, "": 1.0}
+ANSWERS = {
+    "Does a grip creep?": {"metric": "friction.creep"},
+    "Why does the contact force differ from theory?": {"metric": "force.error"},
+    "Does a force plate read the weight?": {"metric": "published.error"},
+    "Why does friction depend on the heading?": {"metric": "friction.heading"},
+    "Why did it pass through the wall?": {"metric": "overlap.tunnelled"},
+    "Can a heavy body rest on a light one?": {"metric": "overlap.max"},
+    "Does a bounce gain energy?": {"metric": "energy.gain"},
+    "Are gradients through contact right?": {"subject": "d x2' / d x1, h 0.0001"},
+}
+"""Question -> the rows of its command's results of which each engine's largest is quoted."""
+
+
+@pytest.mark.slow
+@pytest.mark.engines
+@pytest.mark.timeout(LONGEST)
+@pytest.mark.parametrize("question", ANSWERS)
+def test_an_answer_quotes_what_its_command_measures(question, tmp_path):
+    """Figures agree to the digits that are quoted; below 1e-9 all are rounding."""
+    lines = (ROOT / "docs" / "answers.md").read_text("utf-8").splitlines()
+    (line,) = [line for line in lines if line.startswith(f"| {question} ")]
+    quoted = re.split(", | and ", FOUR.search(line)[0])
+    units = [one.partition(" ")[2] for one in quoted]
+    units = units[-1:] * 4 if not any(units[:-1]) else units
+    stated = [float(one.partition(" ")[0]) * SI[unit] for one, unit in zip(quoted, units)]
+    words = shlex.split(re.search("`touchstone ([^`]*)`", line)[1])
+    code, text = call(tmp_path, [*words, "--out", "found"])
+    assert code == 0, text
+    rows = pd.read_parquet(tmp_path / "found" / "results.parquet")
+    for column, value in ANSWERS[question].items():
+        rows = rows[rows[column] == value]
+    rows = rows[rows.profile.isin(["balanced", "recommended"])]
+    found = rows.value.abs().groupby(rows.engine).max()[["reference", "dart", "bullet", "mujoco"]]
+    assert found.tolist() == pytest.approx(stated, rel=0.15, abs=1e-9)

@@ -7,6 +7,7 @@ leaves if each toss may choose its own e and mu.
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil, nan
@@ -21,7 +22,10 @@ from numpy.typing import ArrayLike
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES, installed
 from touchstone.adapters.workers.pool import Ended
+from touchstone.reports.machine import machine, origin
 from touchstone.reports.output_folder import output_folder
+from touchstone.reports.page.html import Content
+from touchstone.reports.page.page import page
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.tasks import played
@@ -49,8 +53,9 @@ from touchstone.reports.studies.tosses.playing import (
     flights,
     play,
 )
+from touchstone.reports.views.matrix import GOOD, WARN
 from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes
-from touchstone.reports.views.render import Part
+from touchstone.reports.views.render import Part, markdown
 from touchstone.reports.views.tables import number
 
 PANELS = (
@@ -106,7 +111,7 @@ def _panel(axes: Axes, rows: pd.DataFrame, factor: float) -> None:
     open_axes(axes, "y")
 
 
-STUDY, TOSSES = "reality tosses", "tosses"
+STUDY, TOSSES, PICTURE = "reality tosses", "tosses", "tosses.png"
 POSITION, ROTATION, IMPACT = f"{TOSSES}.position", f"{TOSSES}.rotation", f"{TOSSES}.impact"
 FACE, CORNERS = f"{TOSSES}.face", f"{TOSSES}.corners"
 REFERENCE: Column = ("reference", "balanced")
@@ -154,7 +159,7 @@ def run(
             [*missing_rows(STUDY, columns), *rows],
             folder,
             facts,
-            {"tosses.png": errors_picture} if asked else {},
+            {PICTURE: errors_picture, "report.md": text, "report.html": page_of} if asked else {},
         )
 
 
@@ -241,9 +246,9 @@ def _quartiles(values: ArrayLike) -> tuple[float, float, float]:
 
 HEADS = ("", "e", "mu", "fit", "judged", "0.1 s", "[deg]", "rest", "[deg]", "start", "face", "impact [ms]")
 NOTES = (
-    "e, mu: identified on one half of the tosses. fit, judged: mean distance of the corners after the first",
-    "impact, there and on the other half. Medians over that half: error of position and rotation 0.1 s after",
-    "the impact and at rest; start: distance at rest of a play from another start that fits the flight as",
+    "e, mu: identified on one half of the tosses. fit, judged: mean distance of the corners after the first "
+    "impact, there and on the other half. Medians over that half: error of position and rotation 0.1 s after "
+    "the impact and at rest; start: distance at rest of a play from another start that fits the flight as "
     "well; delay of the impact. face: share of tosses that rest on the right face. Lengths are in widths.",
     f"floor: the reference, for each toss with the best of {CELLS} e and mu. tracking: noise in free flight.",
 )
@@ -273,4 +278,28 @@ def report(frame: pd.DataFrame) -> list[Part]:
         found = [factor * values.get((*key, metric, at), nan) for key, metric, at, factor in wanted]
         if not np.isnan(found).all():
             rows.append([" ".join(column), *("" if one != one else number(one) for one in found)])
-    return [Part("measured tosses", HEADS, rows, NOTES), failures(frame)]
+    return [Part("Against measurements", HEADS, rows, NOTES, picture=PICTURE), failures(frame)]
+
+
+def text(frame: pd.DataFrame, path: Path) -> None:
+    """Write `report.md`."""
+    lines = [f"# touchstone {STUDY}", *(line for part in report(frame) for line in markdown(part))]
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def page_of(frame: pd.DataFrame, path: Path) -> None:
+    """Write `report.html`, with the picture beside `path`."""
+    (measured, rest), facts = report(frame), origin()
+    ends = [row for row in rows_of(frame[frame.metric == f"{POSITION}.rest"]) if row.engine in ENGINES]
+    found = [f"{one.engine} {number(one.value)}" for one in ends if not one.profile.endswith(OWN)]
+    content = Content(
+        f"touchstone {STUDY}",
+        WARN if rest.lines else GOOD,
+        f"Widths from where the box came to rest, median: {', '.join(found)}.",
+        frame[:0],
+        command=facts.pop("command"),
+        identity=[*machine().items(), *facts.items()],
+        measured=measured,
+        picture=base64.b64encode((path.parent / PICTURE).read_bytes()).decode(),
+    )
+    path.write_text(page(content), "utf-8")

@@ -36,6 +36,7 @@ def frame(time=1e-4, overlap=1e-3, verdict="pass", scene="fall"):
         Row(*base, "time.frame.median", time, "s"),
         Row(*base, "overlap.max", overlap, "m", limit=2e-3, verdict=verdict, reason="a reason"),
         Row(*base, "friction.cone", float("nan"), "1", verdict="skipped", reason="no contact"),
+        Row(*base, "published.error", 0.0, "1", subject="0° speed"),
     ]
     return table(rows)
 

@@ -203,7 +203,9 @@ def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
         "report.html",
         "report.md",
     ]
-    assert "a known failing grew" in (page / "report.html").read_text("utf-8")
+    html = (page / "report.html").read_text("utf-8")
+    assert "a known failing grew" in html
+    assert "Against published values" in html
     assert json.loads((page / "badge.json").read_text())["message"] == "regression"
     code, out, *_ = program("accept", last.run, "--reason", "a trade")
     assert (code, out) == (0, f"accepted {last.run}: a trade\n")

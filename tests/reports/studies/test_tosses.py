@@ -196,12 +196,18 @@ def test_identification_agrees_with_a_grid(search):
 
 
 def test_the_command_prints_and_draws(touchstone, tmp_path):
-    """A line per engine, the floor and the noise, and a picture; before the impact the reference is within
-    the noise of tracking."""
+    """A line per engine, the floor and the noise, a picture, a report and a page; before the impact the
+    reference is within the noise of tracking."""
     code, out, _ = touchstone("reality", "tosses", TOSSES, "--engine", "reference", "--out", "found")
     assert code == 0
     assert all(name in out for name in ("reference balanced", "floor", "tracking"))
     assert (tmp_path / "found" / "tosses.png").stat().st_size > 10_000
+    report, page = ((tmp_path / "found" / f"report.{kind}").read_text("utf-8") for kind in ("md", "html"))
+    assert "## Against measurements" in report
+    assert "![Against measurements](tosses.png)" in report
+    assert "<h2>Against measurements</h2>" in page
+    assert "data:image/png;base64," in page
+    assert "Matrix of scenes" not in page
     frame = pd.read_parquet(tmp_path / "found" / "results.parquet")
     rows = frame[frame.metric == "tosses.position"].set_index(["engine", "profile", "subject"]).value
     assert rows["reference", "balanced", "-0.03 s"] < 2 * rows["tracking", "", ""]
