@@ -96,10 +96,10 @@ def test_variants_of_a_fall(registry) -> None:
 def test_a_plan_that_changes_no_world_is_not_timed(registry) -> None:
     """All bodies of a bounce meet, so that it is played once; without friction MuJoCo has other cones."""
     engine = registry.engine("mujoco")
-    for name, alike in (("bounce_e05", True), ("collide_central", False), ("spring", False)):
+    for name, same in (("bounce_e05", True), ("collide_central", False), ("spring", False)):
         task = Task(catalogue()[name], "mujoco", own_settings("mujoco"))
         _, found = effects.measure(engine, task)
-        assert (found[""] is found[ALL]) == alike
+        assert (found[""] is found[ALL]) == same
     _, found = effects.measure(engine, Task(catalogue()["bounce_e05"], "mujoco", own_settings("mujoco")))
     rows = by_metric(effects.rows_of_variants(replace(BASE, engine="mujoco"), found))
     assert rows["time.saved", ALL].value == rows["time.saved", ALL].low == rows["time.saved", ALL].high == 0

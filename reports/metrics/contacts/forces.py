@@ -186,8 +186,8 @@ def _sliding(context: Context) -> dict[str, Array]:
     sliding &= (normal > context.least_impulse) & (context.friction > 0)
     met, which = context.met
     names = [context.owner_pair(a, b) for a, b in met]
-    alike = {name: [k for k, one in enumerate(names) if one == name] for name in sorted(names)}
-    mine = {name: sliding & np.isin(which, places) for name, places in alike.items()}
+    places = {name: [k for k, one in enumerate(names) if one == name] for name in sorted(names)}
+    mine = {name: sliding & np.isin(which, where) for name, where in places.items()}
     found = {name: rows for name, rows in mine.items() if rows.any()}
     if not found:
         raise NotMeasured(f"no contact slides faster than {SLIDING_SPEED} m/s")
