@@ -34,8 +34,9 @@ missing verdict: the limit follows from the scene's ideal tracker."""
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One value [SI]. `subject` names a pair, body, stage or the other side of a ratio; `low`, `high` bound
-    an interval; `limit` is the limit behind `verdict`, `basis` the basis of the verdict; `dt` [s].
+    """One value [SI]. `subject` names a pair, body, stage or the other side of a ratio; `body_a` and `body_b`
+    are the bodies of a pair, blank for other subjects; `low`, `high` bound an interval; `limit` is the limit
+    behind `verdict`, `basis` the basis of the verdict; `dt` [s].
 
     `reason` is a sentence for readers; what another module needs of it is in `reason_code`, a word that the
     module that writes the row defines, and in `reproduce`, a command that shows the row again."""
@@ -59,6 +60,8 @@ class Row:
     reason: str = ""
     reason_code: str = ""
     reproduce: str = ""
+    body_a: str = ""
+    body_b: str = ""
 
 
 COLUMNS = (
@@ -71,6 +74,8 @@ COLUMNS = (
     "repeat",
     "metric",
     "subject",
+    "body_a",
+    "body_b",
     "value",
     "unit",
     "low",
@@ -88,8 +93,9 @@ assert set(COLUMNS) == {field.name for field in fields(Row)}
 
 
 def is_undecided(row: Row, limit: float) -> bool:
-    """Whether a ratio of times is beyond a limit that its interval includes: it gets no verdict."""
-    return row.metric.startswith(("ratio.time", "time.left")) and row.low <= limit < row.value
+    """Whether the interval of a ratio of times includes the limit: it gets no verdict."""
+    within = row.low <= limit < row.value or row.value <= limit < row.high
+    return row.metric.startswith(("ratio.time", "time.left")) and within
 
 
 def table(rows: Iterable[Row]) -> pd.DataFrame:

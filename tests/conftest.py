@@ -14,6 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck
 from hypothesis import settings as hypothesis_settings
 from scipy.spatial.transform import Rotation
 from session_cache import SessionCache
@@ -55,8 +56,11 @@ from touchstone.scenarios.scenario import (
 )
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
+# on a loaded machine cases are drawn slowly
+hypothesis_settings.register_profile("fresh", suppress_health_check=[HealthCheck.too_slow])
+hypothesis_settings.load_profile("fresh")
 # `make test` draws the same cases every time; `make test-all` draws new ones
-hypothesis_settings.register_profile("repeatable", derandomize=True)
+hypothesis_settings.register_profile("repeatable", hypothesis_settings.get_profile("fresh"), derandomize=True)
 
 pytest_plugins = ["duration_budget", "forked_children", "owned_engine"]
 FRAME = 1 / 60

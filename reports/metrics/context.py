@@ -20,6 +20,7 @@ from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.scenario import TRACKED, Scenario
 from touchstone.scenarios.truths.body_motion import Motion
 from touchstone.scenarios.truths.named_pairs import named_pairs
+from touchstone.scenarios.truths.pair_names import PairName
 
 if TYPE_CHECKING:
     from touchstone.adapters.oracles.overlap import Distances
@@ -207,13 +208,13 @@ class Context:
         lighter = np.minimum(masses[rows["body_a"]], masses[rows["body_b"]])
         return np.asarray(1e-3 * np.where(np.isfinite(lighter), lighter, self.mass.max()) * weight * step)
 
-    def pair_name(self, a: int, b: int) -> str:
-        """Subject of a pair of bodies."""
-        return f"{self.scenario.bodies[a].name}-{self.scenario.bodies[b].name}"
+    def pair_name(self, a: int, b: int, event: int = 0) -> PairName:
+        """Subject of a pair of bodies, or of one of its events."""
+        return PairName(self.scenario.bodies[a].name, self.scenario.bodies[b].name, event)
 
-    def owner_pair(self, a: int, b: int) -> str:
+    def owner_pair(self, a: int, b: int) -> PairName:
         """Subject of a pair of bodies; the name of the root stands for any link of a driven body."""
-        return f"{self.owner(a)}-{self.owner(b)}"
+        return PairName(self.owner(a), self.owner(b))
 
     def owner(self, body: int) -> str:
         """Name of a body, or of the root of the driven body whose link it is."""

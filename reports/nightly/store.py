@@ -41,7 +41,7 @@ FORMAT = 1
 KEY = b"touchstone.night"
 """Key of the identity in a file's metadata."""
 MARK = "touchstone-store.json"
-STORED = tuple(name for name in COLUMNS if name not in ("seed", "repeat", "low", "high"))
+STORED = tuple(c for c in COLUMNS if c not in ("seed", "repeat", "low", "high", "body_a", "body_b"))
 TEXTS = tuple(name for name in STORED if name not in NUMBERS)
 SCHEMA = pa.schema([(name, pa.string() if name in TEXTS else pa.float64()) for name in STORED])
 NEEDED = ("study", "scenario", "engine", "profile", "metric", "subject", "value", "verdict")

@@ -253,6 +253,5 @@ def _truths(scenario: Scenario, pair: str) -> list[dict[str, float]]:
     return [
         {"start": truth.start, "end": truth.end, "force": truth.value}
         for truth in scenario.forces
-        if truth.quantity == "force"
-        and pair in (f"{truth.body}-{truth.other}", f"{truth.other}-{truth.body}")
+        if truth.quantity == "force" and truth.is_of(pair)
     ]

@@ -81,7 +81,7 @@ def judged_time(
         median: low end of the interval of the ratio of the medians. A single run whose mean alone is beyond
             the limit gets no verdict: one interruption of some milliseconds doubles a mean.
 
-    A limit is broken only where the whole interval of the ratio is beyond it.
+    A limit is met or broken only where the whole interval of the ratio is on one side of it.
     """
     measured = _measured().get((row.scenario, row.profile, kind, row.metric))
     target = _target(row, kind, tags)

@@ -54,8 +54,8 @@ def check_memory(scenarios: Sequence[Scenario], columns: int) -> None:
 
 
 def limited(progress: Progress, total: int, longest: float | None = None, unit: str = "frames") -> Progress:
-    """A progress over `total` frames, or other units; raises TooLargeError where these take more than
-    `longest` [s] (LONGEST)."""
+    """A progress over `total` frames, or other units; raises TooLargeError where these would take more than
+    `longest` [s] (LONGEST) on an idle machine."""
     most = LONGEST if longest is None else longest
     began, done, judged = 0.0, 0, False
 
@@ -71,11 +71,17 @@ def limited(progress: Progress, total: int, longest: float | None = None, unit: 
         elapsed = monotonic() - began
         if elapsed >= FIRST_SECONDS:
             judged = True
-            left = elapsed / done * (total - done)
+            # a machine that others load now may be idle later
+            left = elapsed / done * (total - done) / _crowd()
             if left > most:
                 raise TooLargeError(f"{total} {unit} would take about {_words(left)}; --yes plays them")
 
     return step
+
+
+def _crowd() -> float:
+    """Processes that want a processor of this machine, per processor, and at least 1."""
+    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 def _words(seconds: float) -> str:

@@ -24,6 +24,7 @@ from touchstone.reports.results import UNAUDITED, UNJUDGED, Row
 from touchstone.reports.verdict.judge import judged_in
 from touchstone.reports.verdict.limits import Limit
 from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.truths.pair_names import PairName
 
 NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.driven")
 """Metrics that the judgement of others needs."""
@@ -76,7 +77,9 @@ def measured_of(
         for subject, value in values.items():
             number, remark = (value.value, value.reason) if isinstance(value, Value) else (value, "")
             verdict = "skipped" if isnan(number) and remark else ""
-            rows.append(replace(row, subject=subject, value=number, reason=remark, verdict=verdict))
+            pair = (subject.body_a, subject.body_b) if isinstance(subject, PairName) else ("", "")
+            named = replace(row, subject=str(subject), body_a=pair[0], body_b=pair[1])
+            rows.append(replace(named, value=number, reason=remark, verdict=verdict))
     return _audited(_expected(rows, scenario), context)
 
 

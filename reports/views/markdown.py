@@ -32,7 +32,6 @@ from touchstone.reports.views.published import published_part
 from touchstone.reports.views.render import Part, markdown
 from touchstone.reports.views.tables import LEGEND, TableCell, cell_of, number
 from touchstone.reports.views.terminal import grid_part, ratio_part, remark_lines
-from touchstone.scenarios.truths.pair_names import pair_of
 
 if TYPE_CHECKING:
     from touchstone.reports.runner.request import Request, Results
@@ -192,9 +191,10 @@ def _asked(scene: pd.DataFrame, scenario: Scenario) -> Part:
     achieved = scene[scene.metric.isin(["restitution.achieved", "friction.deficit"]) & scene.value.notna()]
     lines: dict[tuple[str, str], dict[tuple[str, str], str]] = {}
     wanted: dict[tuple[str, str], float] = {}
+    index = {body.name: k for k, body in enumerate(scenario.bodies)}
     for row in rows_of(achieved):
         kind = row.metric.partition(".")[0]
-        asked = scenario.pair_coefficients(*pair_of(scenario, row.subject))[kind == "friction"]
+        asked = scenario.pair_coefficients(index[row.body_a], index[row.body_b])[kind == "friction"]
         value = row.value if kind == "restitution" else asked * (1 - row.value)
         wanted[kind, row.subject] = asked
         lines.setdefault((kind, row.subject), {})[row.engine, row.profile] = number(value)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from math import ceil, floor
 from typing import Literal
 
+from touchstone.scenarios.truths.pair_names import PairName
+
 QUANTITIES = ("force", "impulse")
 FRAME_ROUNDING = 1e-9
 """Share of a frame by which rounding may move the ends of a window [1]."""
@@ -32,4 +34,4 @@ class ForceTruth:
 
     def is_of(self, pair: str) -> bool:
         """Whether a subject of a pair, such as `floor-box`, names the two bodies, in either order."""
-        return pair in (f"{self.body}-{self.other}", f"{self.other}-{self.body}")
+        return pair in (PairName(self.body, self.other), PairName(self.other, self.body))

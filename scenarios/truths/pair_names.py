@@ -1,21 +1,26 @@
-"""Names of pairs of bodies in results: "A-B", and "A-B #k" for the k-th event of a pair."""
+"""Names of pairs of bodies in results: "A-B", and "A-B #k" for the k-th event of a pair.
+
+They are for readers; results carry the names of both bodies beside them."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
 
-from touchstone.scenarios.scenario import Scenario
-
 NUMBERED = re.compile(r" #\d+$")
 
 
-def pair_of(scenario: Scenario, subject: str) -> tuple[int, int]:
-    """Indices of the bodies of a subject. Hyphens, spaces and the like in names are no separators."""
-    indices = {body.name: k for k, body in enumerate(scenario.bodies)}
-    texts = (subject, NUMBERED.sub("", subject))
-    ends = ((text[:k], text[k + 1 :]) for text in texts for k in _hyphens(text))
-    return next((indices[a], indices[b]) for a, b in ends if a in indices and b in indices)
+class PairName(str):
+    """Name of a pair of bodies, which knows the names of both."""
+
+    body_a: str
+    body_b: str
+
+    def __new__(cls, body_a: str, body_b: str, event: int = 0) -> PairName:
+        """Name of a pair, or of its event number `event`."""
+        name = super().__new__(cls, f"{body_a}-{body_b}" + (f" #{event}" if event else ""))
+        name.body_a, name.body_b = body_a, body_b
+        return name
 
 
 def ambiguities(names: Sequence[str]) -> Iterator[tuple[int, str]]:

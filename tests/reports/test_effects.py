@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from touchstone.adapters.workers.variants import Pace, Variant, play
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies import effects
 from touchstone.reports.studies.effects import ALL, IDENTICAL, MATTERS, WITHIN
+from touchstone.reports.studies.tasks import Task, own_settings
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
@@ -88,6 +90,19 @@ def test_variants_of_a_fall(registry) -> None:
     assert not without.same
     assert without.moved > 0.5
     assert len(mine.pace.seconds) == len(whole.pace.net) == catalogue()["fall"].frame_count
+
+
+@pytest.mark.engines
+def test_a_plan_that_changes_no_world_is_not_timed(registry) -> None:
+    """All bodies of a bounce meet, so that it is played once; without friction MuJoCo has other cones."""
+    engine = registry.engine("mujoco")
+    for name, same in (("bounce_e05", True), ("collide_central", False), ("spring", False)):
+        task = Task(catalogue()[name], "mujoco", own_settings("mujoco"))
+        _, found = effects.measure(engine, task)
+        assert (found[""] is found[ALL]) == same
+    _, found = effects.measure(engine, Task(catalogue()["bounce_e05"], "mujoco", own_settings("mujoco")))
+    rows = by_metric(effects.rows_of_variants(replace(BASE, engine="mujoco"), found))
+    assert rows["time.saved", ALL].value == rows["time.saved", ALL].low == rows["time.saved", ALL].high == 0
 
 
 def test_passes_time_a_variant_beside_the_first(registry) -> None:

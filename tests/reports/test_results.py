@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-from math import isnan
+from math import isnan, nan
 
 import pandas as pd
 import pytest
@@ -18,9 +18,8 @@ ROW = Row(
 
 def test_columns_are_fixed():
     """The columns are those, in that order, whatever the rows, and with none at all."""
-    names = "study scenario engine profile dt seed repeat metric subject value unit low high limit"
-    wanted = (*names.split(), "verdict", "basis", "reason", "reason_code", "reproduce")
-    assert wanted == COLUMNS
+    names = "study scenario engine profile dt seed repeat metric subject body_a body_b value unit low high"
+    assert (*names.split(), "limit", "verdict", "basis", "reason", "reason_code", "reproduce") == COLUMNS
     for rows in ([], [ROW], [ROW, ROW]):
         frame = table(rows)
         assert tuple(frame.columns) == COLUMNS
@@ -66,18 +65,21 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("metric", "low", "value", "undecided"),
+    ("metric", "low", "value", "high", "undecided"),
     [
-        ("ratio.time", 0.7, 0.8, True),
-        ("time.left", 0.7, 0.8, True),
-        ("time.left", 0.76, 0.8, False),
-        ("time.left", 0.6, 0.7, False),
-        ("overlap.max", 0.7, 0.8, False),
+        ("ratio.time", 0.7, 0.8, 0.9, True),
+        ("ratio.time", 0.06, 0.4, 4.4, True),
+        ("time.left", 0.7, 0.8, nan, True),
+        ("time.left", 0.76, 0.8, 0.9, False),
+        ("time.left", 0.6, 0.7, 0.74, False),
+        ("time.left", nan, 0.7, nan, False),
+        ("overlap.max", 0.7, 0.8, 0.9, False),
     ],
 )
-def test_an_interval_that_includes_the_limit_decides_nothing(metric, low, value, undecided):
-    """Of ratios of times, those beyond a limit that their interval includes get no verdict."""
-    assert is_undecided(Row("run", "scene", "reference", "", 1.0, metric, value, low=low), 0.75) == undecided
+def test_an_interval_that_includes_the_limit_decides_nothing(metric, low, value, high, undecided):
+    """Ratios of times on either side of a limit that their interval includes get no verdict."""
+    row = Row("run", "scene", "reference", "", 1.0, metric, value, low=low, high=high)
+    assert is_undecided(row, 0.75) == undecided
 
 
 def test_a_failing_picture_is_named_and_leaves_no_file(tmp_path, capsys):

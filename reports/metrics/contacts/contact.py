@@ -145,7 +145,7 @@ def _judged(context: Context) -> list[tuple[str, Bounce, float]]:
         asked = context.scenario.pair_coefficients(*pair)[0]
         for k, bounce in enumerate(fast):
             if not _disturbed(context, pair, bounce, found):
-                judged.append((f"{context.pair_name(*pair)} #{k + 1}", bounce, asked))
+                judged.append((context.pair_name(*pair, k + 1), bounce, asked))
     if not judged:
         raise NotMeasured(f"no bounce faster than {BOUNCE_SPEED} m/s")
     return judged

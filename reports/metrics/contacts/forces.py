@@ -21,6 +21,7 @@ from touchstone.reports.metrics.context import Context, NotMeasured, Value, Valu
 from touchstone.scenarios.scenario import Arc, Box, Sphere
 from touchstone.scenarios.truths.force_truth import ForceTruth
 from touchstone.scenarios.truths.named_pairs import named_pairs
+from touchstone.scenarios.truths.pair_names import PairName
 from touchstone.scenarios.truths.published import Published, members
 
 
@@ -82,7 +83,7 @@ def force_error(context: Context) -> Values:
             value, unit = value * (end - first) * context.frame, "N s"
         error = value / truth.value - 1
         text = f"{value:.6g} of {truth.value:.6g} {unit} from {truth.start:g} to {truth.end:g} s"
-        name = f"{truth.body}-{truth.other}"
+        name = PairName(truth.body, truth.other)
         if name not in found or abs(error) > abs(found[name].value):
             found[name] = Value(error, text)
     return found
@@ -184,8 +185,10 @@ def _sliding(context: Context) -> dict[str, Array]:
     sliding = np.minimum(before, after) > SLIDING_SPEED
     sliding &= (normal > context.least_impulse) & (context.friction > 0)
     met, which = context.met
-    names = np.array([context.owner_pair(a, b) for a, b in met], dtype=str)[which]
-    found = {str(name): sliding & (names == name) for name in np.unique(names[sliding])}
+    names = [context.owner_pair(a, b) for a, b in met]
+    places = {name: [k for k, one in enumerate(names) if one == name] for name in sorted(names)}
+    mine = {name: sliding & np.isin(which, where) for name, where in places.items()}
+    found = {name: rows for name, rows in mine.items() if rows.any()}
     if not found:
         raise NotMeasured(f"no contact slides faster than {SLIDING_SPEED} m/s")
     return found

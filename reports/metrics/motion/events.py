@@ -17,6 +17,7 @@ import numpy as np
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import ROUNDING, Context, NotMeasured, Values
 from touchstone.scenarios.scenario import TRACKED, Expectation, Scenario
+from touchstone.scenarios.truths.pair_names import PairName
 
 TOUCH_GAP = 1e-4
 """Gap below which bodies touch [m]."""
@@ -184,15 +185,13 @@ def event_place(event: str) -> Callable[[Context], Values]:
     return measure
 
 
-def subjects(scenario: Scenario) -> dict[tuple[str, str], Expectation]:
+def subjects(scenario: Scenario) -> dict[tuple[str, PairName], Expectation]:
     """(event, subject) -> expectation; a pair that is expected several times is numbered."""
-    found: dict[tuple[str, str], Expectation] = {}
-    counts: dict[tuple[str, str], int] = {}
-    keys = [(e.event, f"{e.body}-{e.other}") for e in scenario.expectations]
-    for key, expectation in zip(keys, scenario.expectations):
-        counts[key] = counts.get(key, 0) + 1
-        event, pair = key
-        found[event, f"{pair} #{counts[key]}" if keys.count(key) > 1 else pair] = expectation
+    found: dict[tuple[str, PairName], Expectation] = {}
+    keys = [(e.event, e.body, e.other) for e in scenario.expectations]
+    for k, (event, body, other) in enumerate(keys):
+        number = keys[: k + 1].count(keys[k]) if keys.count(keys[k]) > 1 else 0
+        found[event, PairName(body, other, number)] = scenario.expectations[k]
     return found
 
 

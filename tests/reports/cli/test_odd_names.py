@@ -18,7 +18,7 @@ from touchstone.reports.run import study
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.read import SceneFileError, read_scene
 from touchstone.scenarios.scenario import Scenario
-from touchstone.scenarios.truths.pair_names import ambiguities, pair_of
+from touchstone.scenarios.truths.pair_names import PairName, ambiguities
 
 NAMES = (
     *("my ball", "-ball", "ball", "ball 2", "ball-2", "[red]ball[/red]", "[/x]", "bäll 球", "a/b", "../x"),
@@ -83,6 +83,9 @@ def test_every_output_has_any_name(here, tmp_path):
     assert "| restitution floor [1]-a\\|b #1 | 0.5" in (run / "report.md").read_text()
     frame = pd.read_parquet(run / "results.parquet")
     assert {f"floor [1]-{name} #1" for name in NAMES} <= set(frame.subject)
+    bounces = frame[frame.metric == "restitution.achieved"]
+    assert {("floor [1]", name) for name in NAMES} <= set(zip(bounces.body_a, bounces.body_b))
+    assert not any(frame[frame.subject.isin(["", *NAMES])].body_a)
     assert "error" not in set(frame.verdict)
     recording = next((run / "recordings").glob("*.npz"))
     for arguments in (
@@ -123,22 +126,13 @@ WORDS = st.lists(
 
 
 @given(WORDS)
-def test_a_pair_is_found_by_its_name(names):
-    """Whatever two bodies are called, the name of their pair leads to them; else the names are refused."""
-    pairs = [(a, b) for a in names for b in names if a != b]
-    texts = [f"{a}-{b}{number}" for a, b in pairs for number in ("", " #1", " #12")]
+def test_no_two_pairs_share_a_name(names):
+    """The names of any bodies' pairs differ and know both bodies; else the bodies' names are refused."""
+    pairs = [PairName(a, b, event) for a in names for b in names if a != b for event in (0, 1, 12)]
     if list(ambiguities(names)):
         return
-    assert len(set(texts)) == len(texts)
-    found = [pair_of(_Named(names), text) for text in texts]
-    assert found == [(names.index(a), names.index(b)) for a, b in pairs for _ in range(3)]
-
-
-class _Named:
-    """Bodies with names alone."""
-
-    def __init__(self, names):
-        self.bodies = [type("Body", (), {"name": name}) for name in names]
+    assert len(set(pairs)) == len(pairs)
+    assert all(str(pair).startswith(f"{pair.body_a}-{pair.body_b}") for pair in pairs)
 
 
 def test_a_thousand_bodies_are_checked_at_once():

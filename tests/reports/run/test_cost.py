@@ -17,9 +17,11 @@ from touchstone.scenarios.catalogue import catalogue
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A clock that goes on by a second each time it is read."""
+    """A clock that goes on by a second each time it is read, on an idle machine of two processors."""
     seconds = count(1.0)
     monkeypatch.setattr(cost, "monotonic", lambda: next(seconds))
+    monkeypatch.setattr("os.getloadavg", lambda: (1.0, 1.0, 1.0))
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
 
 
 def played(total, calls=40, frames=30):
@@ -44,6 +46,14 @@ def test_a_short_run_is_played(clock):
     """What ends within the hour, or before FIRST_SECONDS, has all its progress."""
     assert len(played(30 * 3000)) == 80
     assert len(played(10**12, calls=5)) == 10
+
+
+def test_a_loaded_machine_refuses_no_short_run(clock, monkeypatch):
+    """Twenty processes on two processors: what takes five hours now takes half an hour without them."""
+    monkeypatch.setattr("os.getloadavg", lambda: (20.0, 20.0, 20.0))
+    assert len(played(30 * 5 * 3600)) == 80
+    with pytest.raises(TooLargeError, match=r"about 21\.6 hours"):
+        played(30 * 9 * 86400)
 
 
 def test_recordings_that_no_memory_holds_are_refused():
