@@ -23,7 +23,7 @@ def test_the_files_are_valid(path):
 
 
 def test_worse_settings_are_exit_1(touchstone, tmp_path):
-    """Contacts of 0.2 s break limits of a stack that `recommended` meets; those of the profile change nothing."""
+    """Contacts of 0.2 s break limits of a stack that `recommended` meets; those of 5 ms break none."""
     if not installed("mujoco"):
         pytest.skip("mujoco is not installed")
     path, found = tmp_path / "soft.toml", {}
