@@ -7,7 +7,7 @@ scenes with a closed form. `touchstone docs` keeps them for the pages of setting
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf, isfinite, nan
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from touchstone.adapters.knobs import Choice, SettingError
 from touchstone.adapters.registry import ENGINES, settings_of
 from touchstone.reports.cli.progress import Progress
 from touchstone.reports.output_folder import output_folder
-from touchstone.reports.results import Row, rows_of
+from touchstone.reports.results import Row
 from touchstone.reports.studies.study import failures, kept
 from touchstone.reports.studies.tasks import own_profile, own_step
 from touchstone.reports.studies.tuning import values_of
@@ -34,6 +34,8 @@ STUDY = "knobs"
 SCENES = {"bounce_e05": "impact", "slide": "sliding", "slip": "rolling", "stack": "rest"}
 """Scenes with a closed form, and what happens in them."""
 TIME = "time.frame"
+KEPT = ("engine", "profile", "scenario", "metric", "value")
+"""Columns that the pages of settings need."""
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 """Errors of positions for which the cheapest setting is named [m]."""
 NOTED = 1.25
@@ -87,13 +89,13 @@ Errors = dict[str, dict[tuple[str, str], float]]
 """By profile with its changes: error by scene and quantity, and the mean frame [s] as quantity TIME."""
 
 
-def errors_by_label(rows: Iterable[Row], engine: str) -> Errors:
-    """What an engine's rows hold."""
+def errors_by_label(frame: pd.DataFrame, engine: str) -> Errors:
+    """What the rows of an engine hold; of their columns those of KEPT are read."""
     found: Errors = {}
-    for row in rows:
-        if row.engine == engine:
-            name = row.metric.removeprefix("error.")
-            found.setdefault(row.profile, {})[row.scenario, name] = row.value
+    for _, label, scene, metric, value in frame.loc[frame.engine == engine, list(KEPT)].itertuples(
+        index=False
+    ):
+        found.setdefault(label, {})[scene, metric.removeprefix("error.")] = value
     return found
 
 
@@ -127,21 +129,22 @@ def best_of(errors: Errors) -> list[tuple[str, float, str, float, float]]:
     [m], mean frame [s]; the label is empty where none is within."""
     found = []
     for scene, kind in SCENES.items():
-        places = [(mine[scene, "position"], mine[scene, TIME], label) for label, mine in errors.items()]
+        places = [
+            (mine.get((scene, TIME), inf), mine.get((scene, "position"), inf), label)
+            for label, mine in errors.items()
+        ]
         for tolerance in TOLERANCES:
-            time, error, label = min(
-                ((time, error, label) for error, time, label in places if error <= tolerance),
-                default=(nan, nan, ""),
-            )
+            within = (place for place in places if place[1] <= tolerance)
+            time, error, label = min(within, default=(nan, nan, ""))
             found.append((kind, tolerance, label, error, time))
     return found
 
 
 def report(frame: pd.DataFrame) -> list[Part]:
     """Per engine what settings do, and the best per tolerance."""
-    rows, parts = rows_of(frame), []
-    for engine in dict.fromkeys(row.engine for row in rows):
-        errors = errors_by_label(rows, engine)
+    parts = []
+    for engine in dict.fromkeys(frame.engine):
+        errors = errors_by_label(frame, engine)
         heads = ["setting", *SCENES.values()]
         cells = [[text, *said.values()] for text, said in effects_of(errors).items()]
         parts.append(Part(f"{engine}: errors over those of the first profile", heads, cells, words=5))
