@@ -56,7 +56,8 @@ def docs(
     for given, (name, text, pictures) in zip(results or (), pages):
         texts[name] = text + (_stored(given, folder / "bench-frame") if name == "bench-frame.md" else "")
         if name == "knobs.md":
-            write_beside(out / "settings" / EFFECTS, partial(_keep, given))
+            stored = out / "settings" / EFFECTS
+            write_beside(stored, partial(_keep, given, stored))
         for target, source in pictures.items():
             write_beside(folder / "pictures" / target, partial(shutil.copy, source))
     texts |= {f"../settings/{name}": text for name, text in settings_pages(out / "settings").items()}
@@ -75,12 +76,16 @@ def _stored(run: Path, folder: Path) -> str:
     return "\n".join(["", "## Two days", "", *stored_lines(folder), ""])
 
 
-def _keep(run: Path, path: Path) -> None:
-    """What the pages of settings need of a run of `study knobs`."""
+def _keep(run: Path, stored: Path, path: Path) -> None:
+    """What the pages of settings need of a run of `study knobs`, beside what is stored of other engines."""
+    import pandas as pd
+
     from touchstone.reports.changes import table_of
     from touchstone.reports.studies.knobs import KEPT
 
-    table_of(run)[list(KEPT)].to_csv(path, index=False, float_format="%.4g")
+    new = table_of(run)[list(KEPT)]
+    old = pd.read_csv(stored) if stored.is_file() else new
+    pd.concat([old[~old.engine.isin(new.engine)], new]).to_csv(path, index=False, float_format="%.4g")
 
 
 def _write(text: str, path: Path) -> None:
