@@ -74,7 +74,9 @@ def run(
 
 
 def _rows(cell: Cell, swept: SweptRuns, truths: Mapping[str, object]) -> Iterator[Row]:
-    """Errors and mean frame of a cell; a run that did not end has infinite errors."""
+    """Errors and mean frame of a cell; infinite errors if it did not end, no rows if it was refused."""
+    if "skipped" in set(swept.rows(cell).outcome):
+        return
     label = Settings(cell.profile, cell.dt, cell.changes).label
     key = (STUDY, cell.scenario, cell.engine, label, cell.dt)
     run, again = swept.run(cell), reproduce(cell, False)
@@ -140,6 +142,11 @@ def best_of(errors: Errors) -> list[tuple[str, float, str, float, float]]:
     return found
 
 
+def _figures(label: str, error: float, time: float) -> tuple[str, str]:
+    """An error and the time of a frame in words; empty without a setting."""
+    return (f"{1e3 * error:.2g} mm", f"{1e6 * time:.3g}") if label else ("", "")
+
+
 def report(frame: pd.DataFrame) -> list[Part]:
     """Per engine what settings do, and the best per tolerance."""
     parts = []
@@ -149,7 +156,7 @@ def report(frame: pd.DataFrame) -> list[Part]:
         cells = [[text, *said.values()] for text, said in effects_of(errors).items()]
         parts.append(Part(f"{engine}: errors over those of the first profile", heads, cells, words=5))
         best = [
-            [kind, f"{1e3 * tolerance:g} mm", label or "none", f"{1e3 * error:.2g} mm", f"{1e6 * time:.3g}"]
+            [kind, f"{1e3 * tolerance:g} mm", label or "none", *_figures(label, error, time)]
             for kind, tolerance, label, error, time in best_of(errors)
         ]
         heads = ["scene", "tolerance", "setting", "error", "frame [us]"]
