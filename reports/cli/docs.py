@@ -54,10 +54,11 @@ def docs(
     }
     texts = {"commands.md": commands_page(context.find_root().command), **list_pages(drawn)}
     for given, (name, text, pictures) in zip(results or (), pages):
-        texts[name] = text + (_stored(given, folder / "bench-frame") if name == "bench-frame.md" else "")
-        if name == "knobs.md":
+        if name == "knobs.md":  # the pages of settings show it
             stored = out / "settings" / EFFECTS
             write_beside(stored, partial(_keep, given, stored))
+            continue
+        texts[name] = text + (_stored(given, folder / "bench-frame") if name == "bench-frame.md" else "")
         for target, source in pictures.items():
             write_beside(folder / "pictures" / target, partial(shutil.copy, source))
     texts |= {f"../settings/{name}": text for name, text in settings_pages(out / "settings").items()}
