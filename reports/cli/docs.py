@@ -26,7 +26,7 @@ def docs(
     """Write the generated pages of the documentation: commands, lists, measurements, stills."""
     from touchstone.adapters.contract import AdapterError
     from touchstone.reports.docs.measurements import NoResults, page_of
-    from touchstone.reports.docs.reference import commands_page, list_pages, settings_pages
+    from touchstone.reports.docs.reference import EFFECTS, commands_page, list_pages, settings_pages
     from touchstone.reports.results import write_beside
     from touchstone.scenarios.catalogue import tagged
 
@@ -37,7 +37,8 @@ def docs(
     except NoResults as error:
         stop(str(error), BAD_INPUT)
     folder = out / "generated"
-    (folder / "pictures").mkdir(parents=True, exist_ok=True)
+    for needed in (folder / "pictures", out / "settings"):
+        needed.mkdir(parents=True, exist_ok=True)
     if stills:
         from touchstone.reports.docs.measurements import draw
 
@@ -53,11 +54,14 @@ def docs(
     }
     texts = {"commands.md": commands_page(context.find_root().command), **list_pages(drawn)}
     for given, (name, text, pictures) in zip(results or (), pages):
+        if name == "knobs.md":  # the pages of settings show it
+            stored = out / "settings" / EFFECTS
+            write_beside(stored, partial(_keep, given, stored))
+            continue
         texts[name] = text + (_stored(given, folder / "bench-frame") if name == "bench-frame.md" else "")
         for target, source in pictures.items():
             write_beside(folder / "pictures" / target, partial(shutil.copy, source))
-    (out / "settings").mkdir(exist_ok=True)
-    texts |= {f"../settings/{name}": text for name, text in settings_pages().items()}
+    texts |= {f"../settings/{name}": text for name, text in settings_pages(out / "settings").items()}
     for name, text in texts.items():
         write_beside(folder / name, partial(_write, text))
         print(out / name.removeprefix("../") if name.startswith("..") else folder / name)
@@ -71,6 +75,18 @@ def _stored(run: Path, folder: Path) -> str:
 
     store(table_of(run), json_of(run / "manifest.json"), folder)
     return "\n".join(["", "## Two days", "", *stored_lines(folder), ""])
+
+
+def _keep(run: Path, stored: Path, path: Path) -> None:
+    """What the pages of settings need of a run of `study knobs`, beside what is stored of other engines."""
+    import pandas as pd
+
+    from touchstone.reports.changes import table_of
+    from touchstone.reports.studies.knobs import KEPT
+
+    new = table_of(run)[list(KEPT)]
+    old = pd.read_csv(stored) if stored.is_file() else new
+    pd.concat([old[~old.engine.isin(new.engine)], new]).to_csv(path, index=False, float_format="%.4g")
 
 
 def _write(text: str, path: Path) -> None:

@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from touchstone.reports.cli.challenge import challenge
 from touchstone.reports.cli.cheapest import cheapest, tune
 from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.doctor import check_engine, doctor
@@ -32,7 +33,7 @@ from touchstone.reports.cli.options import (
     output_to,
     printed,
     progress_for,
-    step_of,
+    step_for,
     stop,
     tell_failures,
     version,
@@ -81,6 +82,7 @@ app.command()(accept)
 app.command()(sweep)
 app.command()(cheapest)
 app.command()(tune)
+app.command()(challenge)
 app.command()(docs)
 app.command()(schema)
 app.command("import")(import_robot)
@@ -267,7 +269,7 @@ def _request(
     from touchstone.reports.runner.request import DEFAULT_PROFILES, Request
 
     columns = columns_for(engines, profiles, DEFAULT_PROFILES)
-    step = _step(dt, scenarios) if dt is not None else None
+    step = step_for(dt, scenarios) if dt is not None else None
     command = " ".join(["touchstone", *sys.argv[1:]])
     return Request(tuple(scenarios), columns, out or folder_of_now(), step, metrics_for(metrics), command)
 
@@ -283,19 +285,6 @@ def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenar
     if drive == "posed":
         stop(f"--tracker {tracker}: kinematic links would jump; choose --drive native or torque", BAD_INPUT)
     return [noisy(scenario) for scenario in scenarios]
-
-
-def _step(text: str, scenarios: Iterable[Scenario]) -> float:
-    """A step such as 1/240; it must divide the frame of every scene."""
-    from touchstone.adapters.recorder import substeps
-
-    try:
-        value = step_of(text)
-        for scenario in scenarios:
-            substeps(scenario, value)
-    except (ValueError, ZeroDivisionError, OverflowError) as error:
-        stop(f"--dt {' '.join(text.split())}: {error}", BAD_INPUT)
-    return value
 
 
 @app.command("list")

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from touchstone.reports.progress import Progress
     from touchstone.reports.views.render import Part
+    from touchstone.scenarios.scenario import Scenario
 
 LIMIT_BROKEN, BAD_INPUT, ENGINE_MISSING, NOT_JUDGED, ENGINE_FAILED = 1, 2, 3, 4, 5
 INTERNAL_ERROR, INTERRUPTED, CLOSED_OUTPUT = 70, 130, 141
@@ -180,6 +181,19 @@ def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tu
     except SettingError as error:
         stop(f"--set {error}; ENGINE.KEY=VALUE sets that of one engine", BAD_INPUT)
     return texts
+
+
+def step_for(text: str, scenarios: Iterable[Scenario]) -> float:
+    """A step such as 1/240; it must divide the frame of every scene."""
+    from touchstone.adapters.recorder import substeps
+
+    try:
+        value = step_of(text)
+        for scenario in scenarios:
+            substeps(scenario, value)
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        stop(f"--dt {' '.join(text.split())}: {error}", BAD_INPUT)
+    return value
 
 
 def effects_for(text: str) -> tuple[str, ...] | None:

@@ -306,6 +306,17 @@ def work_precision(
     return StudyRequest(cells.size, partial(module.run, cells, store, jobs=jobs), module.report, store)
 
 
+@studied("knobs", judge=True)
+def knobs(engine: EngineOption = None, jobs: JobsOption = None, store: StoreOption = STORE) -> StudyRequest:
+    """Change each setting of an engine alone: what it does to impacts, sliding, rolling and rest."""
+    from touchstone.adapters.registry import ENGINES
+    from touchstone.reports.studies import knobs as module
+
+    engines = [name for name in engines_named(engine or ENGINES) if name != "reference"]
+    steps = sum(len(module.cells_of(name)) for name in engines)
+    return StudyRequest(steps, partial(module.run, engines, store, jobs=jobs), module.report, store)
+
+
 @studied("stability", judge=True)
 def stability(
     family: Annotated[

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -87,7 +88,7 @@ def _text(study: str, frame: pd.DataFrame) -> str:
     """The table as the command prints it."""
     out = StringIO()
     console = FittingConsole(file=out, width=WIDTH, no_color=True, force_terminal=False)
-    print_parts(_report_of(study)(frame), console)
+    print_parts([replace(part, wrap=True) for part in _report_of(study)(frame)], console)
     return "\n".join(line.rstrip() for line in out.getvalue().strip("\n").splitlines())
 
 

@@ -1,6 +1,7 @@
 """Pages that follow from the code alone: commands, scenes, metrics, profiles, settings.
 
-A page per engine of all its settings: values, their source, the lines to paste, and who reviewed them.
+A page per engine of all its settings: values, their source, the lines to paste, who reviewed them, what each
+does to kinds of scenes, and the best for each tolerance.
 
 Lines are what the adapter sets in the scene SCENE with the setting, without what it sets without it.
 """
@@ -14,11 +15,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.knobs import Setting, SettingError, split
 from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.adapters.scripts.process import settings_lines
 from touchstone.reports.docs.listing import metric_rows, profile_rows, scenario_rows, setting_rows
+from touchstone.reports.runner.tasks import own_profile
+from touchstone.reports.studies.knobs import KEPT, Errors, best_of, effects_of, errors_by_label
+from touchstone.reports.studies.knobs import SCENES as KINDS
 from touchstone.reports.studies.tuning import values_of
 from touchstone.scenarios.catalogue import catalogue
 
@@ -78,56 +84,97 @@ def _scenes(pictures: Mapping[str, str]) -> str:
 
 SCENE = "slip"
 """Scene whose lines are shown: balls on a table, with friction."""
-REVIEWS = Path(__file__).with_name("reviews.csv")
+SOURCES = Path(__file__).with_name("settings.csv")
+"""Per setting its name in the manual, and who reviewed it."""
+EFFECTS = "knobs.csv"
+"""What settings do, as `touchstone study knobs` measured it; beside the pages."""
 MANUALS = {
-    "mujoco": "<https://mujoco.readthedocs.io/en/stable/XMLreference.html>",
-    "bullet": "the quickstart guide of pybullet, <https://pybullet.org>",
-    "dart": "<https://dartsim.github.io>",
-    "drake": "<https://drake.mit.edu>, MultibodyPlant and SceneGraphConfig",
+    "mujoco": "https://mujoco.readthedocs.io/en/stable/XMLreference.html#{}",
+    "bullet": "https://github.com/bulletphysics/bullet3/blob/master/docs/pybullet_quickstartguide.pdf",
+    "dart": "https://github.com/dartsim/dart/tree/main/dart",
 }
-"""Where an engine documents its settings."""
+"""Where an engine documents its settings; braces take the name of one."""
 SHOWN = 80
 """Characters of a line that a table shows."""
 
 
-def settings_pages() -> dict[str, str]:
-    """Pages by file name, of the engines that are installed and say their settings in their own API."""
+def settings_pages(folder: Path) -> dict[str, str]:
+    """Pages by file name, of the engines that are installed and say their settings in their own API, with
+    what `EFFECTS` in the folder of these pages holds."""
+    path = folder / EFFECTS
+    measured = pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=list(KEPT))
     return {
-        f"{name}.md": _settings_page(name)
+        f"{name}.md": _settings_page(name, errors_by_label(measured, name))
         for name, entry in ENGINES.items()
         if entry.script and installed(name)
     }
 
 
-def _settings_page(engine: str) -> str:
+def _settings_page(engine: str, errors: Errors) -> str:
     table, entry = settings_of(engine), ENGINES[engine]
-    pasted, reviews = _pasted(engine), _reviews()
+    pasted, sources = _pasted(engine), _sources()
     rows = []
     for name, setting in table.items():
-        review = reviews.get((engine, name), {})
+        about = sources.get((engine, name), {})
         text, lines = pasted.get(name, ("", []))
+        source = about.get("source", "")
         rows.append(
             {
                 "setting": f"`{name}`",
                 "values": f"`{setting.valid}`",
                 **{profile: _value(setting, profile, engine) for profile in ("default", "recommended")},
                 "meaning": setting.summary,
+                "source": source and f"[{source}]({MANUALS[engine].format(source)})",
                 "to paste": f"{text}: " * bool(lines) + "<br>".join(f"`{line}`" for line in lines),
-                "reviewed by": " ".join(review.get(key, "") for key in ("by", "date", "link")).strip(),
+                "reviewed by": " ".join(about.get(key, "") for key in ("by", "date", "link")).strip(),
             }
         )
     steps = ", ".join(f"`{profile}` {1 / dt:.0f} Hz" for profile, dt in entry.profiles.items())
     parts = [
         NOTICE,
         f"# Settings of {engine}",
-        f"Source of names and meanings: {MANUALS.get(engine, 'the engine')}; `touchstone run --set "
-        f"{engine}.KEY=VALUE` plays them. Native steps of the profiles: {steps}. Lines to paste are what "
-        f"the adapter sets in the scene `{SCENE}` for the value before them; `touchstone reproduce` writes "
-        f"them too, and `touchstone tune SCENE --engine {engine} --position 1mm` searches values.",
-        "A review is a line in `reports/docs/reviews.csv`, by a pull request of whoever knows the engine.",
+        f"`touchstone run --set {engine}.KEY=VALUE` plays them. Native steps of the profiles: {steps}. Lines "
+        f"to paste are what the adapter sets in the scene `{SCENE}` for the value before them; `touchstone "
+        f"reproduce` writes them too, and `touchstone tune SCENE --engine {engine} --position 1mm` searches "
+        "values. A settings file of yours is played by [touchstone challenge](../challenge.md).",
+        "A source, or a review, is a line in `reports/docs/settings.csv`, by a pull request of whoever knows "
+        "the engine.",
         table_text(rows),
+        *(_effect_parts(engine, errors) if errors else ()),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _effect_parts(engine: str, errors: Errors) -> Iterator[str]:
+    """What each setting does to each kind of scene, and the best for each tolerance."""
+    scenes = ", ".join(f"{kind} `{scene}`" for scene, kind in KINDS.items())
+    first = own_profile(engine)
+    yield "## What each setting does"
+    yield (
+        f"Errors over those of `{first}`, where they are a quarter apart, with one setting changed alone: "
+        f"{scenes}. `fails`: the run does not end, or an expected event does not happen. Measured by "
+        f"`touchstone study knobs --engine {engine}`, errors as in [work_precision](../work_precision.md)."
+    )
+    effects = effects_of(errors)
+    yield table_text(
+        [{"setting": f"`{text}`", **said} for text, said in effects.items() if any(said.values())]
+    )
+    idle = [f"`{text}`" for text, said in effects.items() if not any(said.values())]
+    yield f"Without effect in these scenes: {', '.join(idle) or 'none'}."
+    yield "## The best for each tolerance"
+    yield "The cheapest of these and of the profiles with positions within a tolerance; times of one play."
+    yield table_text(
+        [
+            {
+                "scene": kind,
+                "tolerance": f"{1e3 * tolerance:g} mm",
+                "setting": f"`{label}`" if label else "none",
+                "error": f"{1e3 * error:.2g} mm" if label else "",
+                "frame": f"{1e6 * time:.3g} us" if label else "",
+            }
+            for kind, tolerance, label, error, time in best_of(errors)
+        ]
+    )
 
 
 def _value(setting: Setting, profile: str, engine: str) -> str:
@@ -206,6 +253,6 @@ def _elements(before: list[str], after: list[str]) -> list[str]:
     return found
 
 
-def _reviews() -> dict[tuple[str, str], dict[str, str]]:
-    with open(REVIEWS, newline="", encoding="utf-8") as file:
+def _sources() -> dict[tuple[str, str], dict[str, str]]:
+    with open(SOURCES, newline="", encoding="utf-8") as file:
         return {(row["engine"], row["setting"]): row for row in csv.DictReader(file)}

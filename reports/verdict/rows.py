@@ -23,7 +23,7 @@ from touchstone.reports.metrics.motion.events import subjects
 from touchstone.reports.results import UNAUDITED, UNJUDGED, Row
 from touchstone.reports.verdict.judge import judged_in
 from touchstone.reports.verdict.limits import Limit
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import Expectation, Scenario
 from touchstone.scenarios.truths.pair_names import PairName
 
 NEEDED = ("overlap.max", "contact.impulse_balance", "contact.impulse_balance.driven")
@@ -85,7 +85,9 @@ def measured_of(
 
 def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
     """Add the verdicts on events by the scene's expectations."""
-    windows = {(f"events.{event}", subject): e for (event, subject), e in subjects(scenario).items()}
+    windows: dict[tuple[str, str], Expectation] = {
+        (f"events.{event}", subject): e for (event, subject), e in subjects(scenario).items()
+    }
     found = []
     for row in rows:
         window = windows.get((row.metric, row.subject))

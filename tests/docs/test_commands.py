@@ -126,6 +126,7 @@ def home(tmp_path_factory) -> Path:
     shutil.copy(ROOT / "docs" / "toy_engine.py", folder)
     shutil.copy(ROOT / "tests" / "reports" / "studies" / "detector_reports.json", folder)
     shutil.copytree(ROOT / "tests" / "reports" / "studies" / "tosses", folder / "tosses")
+    shutil.copytree(ROOT / "challenges", folder / "challenges")
     for name in ("a", "b"):
         code, text = call(folder, ["run", "slip", "--out", f"runs/{name}"])
         assert code == 0, text

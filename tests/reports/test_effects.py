@@ -13,9 +13,9 @@ from rich.console import Console
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.workers.variants import Pace, Variant, play
 from touchstone.reports.results import Row, rows_of
+from touchstone.reports.runner.tasks import Task, own_settings
 from touchstone.reports.studies import effects
 from touchstone.reports.studies.effects import ALL, IDENTICAL, MATTERS, WITHIN
-from touchstone.reports.studies.tasks import Task, own_settings
 from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED

@@ -1,12 +1,12 @@
 """Adapter of Drake through pydrake; it plays when it is named (extra `drake`, not part of `all`)."""
 
-from touchstone.adapters.engines.entry import Entry
+from touchstone.adapters.engines.entry import DEFAULT, EQUAL_STEP, RECOMMENDED, Entry
 
-POINT, SAP, TAMSI = "point", "sap", "tamsi"
+SAP, TAMSI, CENIC = "sap", "tamsi", "cenic"
 ENTRY = Entry(
     "touchstone.adapters.engines.drake.engine:DrakeEngine",
     "pydrake",
-    {POINT: 1 / 1020, SAP: 1 / 1020, TAMSI: 1 / 1020},
+    {RECOMMENDED: 1 / 1020, DEFAULT: 1 / 1020, SAP: 1 / 1020, TAMSI: 1 / 1020, CENIC: EQUAL_STEP},
     distribution="drake",
     color="#56B4E9",
     marker="v",

@@ -5,13 +5,17 @@ world axes. A contact's `nhat_BA` points from B to A and its force acts on B; de
 and B are ordered by Drake. Contact results are those of the last step, with the geometry of its start; force
 times dt is the impulse. Friction is combined harmonically (2 f g / (f + g)); there is no restitution.
 
-Profiles: contacts are points (`ContactModel.kPoint`), one for each pair of pieces, at Drake's default step of
-1 ms. `point` has Drake's default approximation (`lagged`: Hunt-Crossley dissipation, friction bounded by the
-normal force of the step before), `sap` the convex approximation that gives the SAP solver its name, `tamsi`
-the TAMSI solver, which Drake deprecates. Stiffness and dissipation are the defaults of SceneGraph: 1e6 N/m of
-each geometry, thus 5e5 N/m of a contact, whatever the masses; 50 s/m of Hunt-Crossley dissipation, or 0.1 s
-of relaxation under `sap`. None is called `recommended`: for faces Drake's documentation recommends
-hydroelastic contact, whose pressure field has no points with distances as the contract wants them.
+Profiles, at Drake's default step of 1 ms: `recommended` has hydroelastic contact, which Drake's
+documentation recommends for faces: surfaces on which the pressure fields of two compliant bodies are equal,
+with SceneGraph's defaults, 1e7 Pa and meshes of 2 cm. Each surface is recorded as one contact at its centre
+of pressure. Balls, capsules and ellipsoids have no pressure field, and meet everything in points. `default`
+has geometries as they come, without pressure fields, and thus one point for each pair of pieces: 1e6 N/m of
+each geometry, 5e5 N/m of a contact, whatever the masses. Both have the default approximation (`lagged`:
+Hunt-Crossley dissipation of 50 s/m, friction bounded by the normal force of the step before). `sap` is
+`default` with the convex approximation that gives the SAP solver its name and 0.1 s of relaxation, `tamsi`
+with the TAMSI solver, which Drake deprecates. `cenic` is hydroelastic contact in a plant without steps of
+its own: the CENIC integrator chooses them by its accuracy, within 1/240 s; in impulses the force at the end
+stands for the whole step.
 https://drake.mit.edu/doxygen_cxx/group__multibody__simulation.html
 """
 
@@ -30,7 +34,7 @@ from pydrake.multibody.plant import (
     CalcContactFrictionFromSurfaceProperties,
     ExternallyAppliedSpatialForce,
 )
-from pydrake.systems.analysis import Simulator
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 
 from touchstone.adapters.contract import (
@@ -43,20 +47,21 @@ from touchstone.adapters.contract import (
     State,
     Unsupported,
 )
-from touchstone.adapters.engines.drake import ENTRY, TAMSI
+from touchstone.adapters.engines.drake import CENIC, ENTRY, TAMSI
 from touchstone.adapters.engines.drake.model import (
     Geometries,
     add_hinge,
     add_pieces,
     add_servos,
-    approximation_of,
     check_restitution,
     contact_facts,
     filter_pairs,
     harmonic_factors,
+    hydroelastic_of,
     inertia_of,
     set_contact_model,
     transform,
+    word_of,
 )
 from touchstone.adapters.material_combine import frictions
 from touchstone.adapters.registry import require_profile
@@ -66,7 +71,7 @@ from touchstone.scenarios.scenario import Scenario
 
 
 class DrakeEngine:
-    """Drake with point contacts; `sap` with the convex approximation, `tamsi` with the TAMSI solver."""
+    """Drake with hydroelastic or point contacts, in a discrete plant or under the CENIC integrator."""
 
     name: ClassVar[str] = "drake"
     profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
@@ -80,8 +85,10 @@ class DrakeEngine:
             raise Unsupported("drake: no prescribed bodies in a discrete plant")
         if any(map(surface_moves, scenario.bodies)):
             raise Unsupported("drake: no moving surfaces in a discrete plant")
-        if approximation_of(settings) == TAMSI and scenario.trackers and settings.drive == "native":
-            raise Unsupported("drake: TAMSI has no position servos; choose the profile point")
+        if word_of(settings, "approximation") == TAMSI and scenario.trackers and settings.drive == "native":
+            raise Unsupported("drake: TAMSI has no position servos; choose the profile recommended")
+        if word_of(settings, "integrator") == CENIC and scenario.trackers:
+            raise Unsupported("drake: driven bodies diverge under CENIC; choose the profile recommended")
         check_restitution(scenario)
         return World(scenario, settings)
 
@@ -95,14 +102,19 @@ class World:
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
         self._scenario, self._settings = scenario, settings
-        builder = DiagramBuilder()
-        self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=settings.dt)
+        builder, variable = DiagramBuilder(), word_of(settings, "integrator") == CENIC
+        step = 0.0 if variable else settings.dt
+        self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=step)
         self._build(scene_graph)
         self._diagram = builder.Build()
         self._root_context = self._diagram.CreateDefaultContext()
         self._context = self._plant.GetMyMutableContextFromRoot(self._root_context)
         self._set_initial_state()
         self._simulator = Simulator(self._diagram, self._root_context)
+        if variable:
+            accuracy = float(word_of(settings, "accuracy"))
+            config = SimulatorConfig(integration_scheme=CENIC, accuracy=accuracy, max_step_size=settings.dt)
+            ApplySimulatorConfig(config, self._simulator)
         self._results = self._plant.get_contact_results_output_port()
         self._steps = 0
         self.drive(0)
@@ -117,18 +129,18 @@ class World:
         for instance in driven:
             plant.set_gravity_enabled(instance, False)
         free = plant.AddModelInstance("simulated")
-        groups, geometries = scenario.groups(), Geometries()
+        groups, geometries, fields = scenario.groups(), Geometries(), hydroelastic_of(settings)
         self._drives = [Drive(scenario, t, settings.dt, settings.drive) for t in scenario.trackers]
         masses = simulated_masses(scenario, self._drives)
         self._bodies: list[Any] = []
         for k, body in enumerate(scenario.bodies):
             if body.kind == "fixed":
                 self._bodies.append(None)
-                geometries[k] = add_pieces(plant, plant.world_body(), body, factors[k], True)
+                geometries[k] = add_pieces(plant, plant.world_body(), body, factors[k], True, fields)
                 continue
             instance = driven[groups[k]] if groups[k] >= 0 else free
             self._bodies.append(plant.AddRigidBody(body.name, instance, inertia_of(masses[k])))
-            geometries[k] = add_pieces(plant, self._bodies[k], body, factors[k], False)
+            geometries[k] = add_pieces(plant, self._bodies[k], body, factors[k], False, fields)
         self._index = {one: k for k, ids in geometries.items() for one in ids}
         self._geometries = geometries
         filter_pairs(plant, scene_graph, scenario, geometries)
@@ -247,6 +259,13 @@ class World:
                 -pair.depth,
                 contact.contact_force() * self._settings.dt,
             )
+        for k in range(results.num_hydroelastic_contacts()):
+            info = results.hydroelastic_contact_info(k)
+            surface, force = info.contact_surface(), info.F_Ac_W()
+            a, b = self._index[surface.id_M()], self._index[surface.id_N()]
+            place = surface.centroid() + _arm(force.translational(), force.rotational())
+            normal, depth = _main_face(surface)
+            state.add_contact(a, b, place, normal, -depth, -force.translational() * self._settings.dt)
 
     def _pose(self, body: Any) -> RigidTransform:
         return self._plant.EvalBodyPoseInWorld(self._context, body)
@@ -279,7 +298,7 @@ class World:
             engine=DrakeEngine.name,
             version=version("drake"),
             profile=self._settings.profile,
-            dt=float(plant.time_step()),
+            dt=self._settings.dt,
             settings=self._facts(),
             bodies=without_ballast(facts, scenario, self._drives),
             pairs=self._pairs(),
@@ -297,11 +316,19 @@ class World:
         plant = self._plant
         return {
             **contact_facts(plant, self._scene_graph, self._settings),
+            **self._integrator_facts(),
             "gravity_vector": str(plant.gravity_field().gravity_vector().tolist()),
             "root_drive": ROOT_DRIVES[self._settings.drive],
             "actuators": int(plant.num_actuators()),
             "collision_shapes": len(self._index),
         }
+
+    def _integrator_facts(self) -> dict[str, Scalar]:
+        """What takes the steps, as read back."""
+        if self._plant.time_step() > 0:
+            return {"integrator": "discrete"}
+        accuracy = float(self._simulator.get_integrator().get_target_accuracy())
+        return {"integrator": CENIC, "accuracy": accuracy}
 
     def _pairs(self) -> tuple[PairFacts, ...]:
         """Coefficients per touching pair as Drake combines them; it has no restitution."""
@@ -332,6 +359,22 @@ class World:
     def close(self) -> None:
         """Release the plant and its simulator."""
         del self._simulator, self._results, self._context, self._root_context, self._diagram
+
+
+def _arm(force: Array, torque: Array) -> Array:
+    """Shortest way [m] from the point of a torque [N m] to the line along which the force [N] acts."""
+    square = float(force @ force)
+    return np.cross(force, torque) / square if square > 0 else np.zeros(3)
+
+
+def _main_face(surface: Any) -> tuple[Array, float]:
+    """Normal from M to N of the largest face of a contact surface, and the depth [m] at its middle: how far
+    both pressure fields are entered there."""
+    face = max(range(surface.num_faces()), key=surface.area)
+    field = surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
+    pressure = field.EvaluateCartesian(face, surface.centroid(face))
+    slopes = (surface.EvaluateGradE_M_W(face), surface.EvaluateGradE_N_W(face))
+    return -surface.face_normal(face), sum(pressure / float(np.linalg.norm(slope)) for slope in slopes)
 
 
 def _body_facts(body: Any) -> BodyFacts:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
     AddContactMaterial,
     Box,
     Capsule,
@@ -44,27 +45,43 @@ restitution. That of the materials of Table 1; a body then keeps 9 % of the ener
 scene is about bounces, and is refused."""
 Geometries = dict[int, list[Any]]
 """Ids of the geometries per body."""
+Hydroelastic = tuple[float, float] | None
+"""Length of edges [m] and modulus [Pa] of pressure fields; None: contacts are points."""
 APPROXIMATIONS = {
     "tamsi": DiscreteContactApproximation.kTamsi,
     "sap": DiscreteContactApproximation.kSap,
     "similar": DiscreteContactApproximation.kSimilar,
     "lagged": DiscreteContactApproximation.kLagged,
 }
-OF_GEOMETRIES = ("point_stiffness", "hunt_crossley_dissipation", "relaxation_time")
+MODELS = {"point": ContactModel.kPoint, "hydroelastic": ContactModel.kHydroelasticWithFallback}
+SMOOTH = (shapes.Sphere, shapes.Capsule, shapes.Ellipsoid)
+"""Shapes that meet a convex one in a point: they get no pressure field, so that their contacts are points."""
+OF_GEOMETRIES = (
+    *("hydroelastic_modulus", "resolution_hint"),
+    *("point_stiffness", "hunt_crossley_dissipation", "relaxation_time"),
+)
 """Settings that are default properties of geometries."""
 
 
-def approximation_of(settings: Settings) -> str:
-    """Name of the contact approximation of a profile and its changes."""
+def word_of(settings: Settings, name: str) -> str:
+    """Value of a setting, as text, in a profile with its changes."""
     changed = dict(text.split("=") for text in settings.changes)
-    return changed.get("approximation", SETTINGS["approximation"].profiles[SETTINGS.column(settings.profile)])
+    return changed.get(name, SETTINGS[name].profiles[SETTINGS.column(settings.profile)])
+
+
+def hydroelastic_of(settings: Settings) -> Hydroelastic:
+    """Pressure fields of a profile and its changes."""
+    if word_of(settings, "contact_model") == "point":
+        return None
+    return float(word_of(settings, "resolution_hint")), float(word_of(settings, "hydroelastic_modulus"))
 
 
 def set_contact_model(plant: Any, scene_graph: Any, settings: Settings) -> None:
-    """Point contact with the approximation of the profile, and the changed settings."""
+    """Contact model and approximation of the profile, and the changed settings."""
     changed = SETTINGS.numbers(settings.changes)
-    plant.set_contact_model(ContactModel.kPoint)
-    plant.set_discrete_contact_approximation(APPROXIMATIONS[approximation_of(settings)])
+    plant.set_contact_model(MODELS[word_of(settings, "contact_model")])
+    if plant.time_step() > 0:
+        plant.set_discrete_contact_approximation(APPROXIMATIONS[word_of(settings, "approximation")])
     if "stiction_tolerance" in changed:
         plant.set_stiction_tolerance(changed["stiction_tolerance"])
     if "sap_near_rigid_threshold" in changed:
@@ -139,13 +156,17 @@ def inertia_of(body: Body | BodyFacts) -> SpatialInertia:
     return SpatialInertia.MakeFromCentralInertia(body.mass, np.array(body.center_of_mass), central)
 
 
-def add_pieces(plant: Any, target: Any, body: Body, friction: float, placed: bool) -> list[Any]:
+def add_pieces(
+    plant: Any, target: Any, body: Body, friction: float, placed: bool, hydroelastic: Hydroelastic
+) -> list[Any]:
     """Register the pieces of a body on a Drake body; `placed`: of a fixed body, on the world."""
     base = transform(np.array(body.position), np.array(body.orientation)) if placed else RigidTransform()
     ids = []
     for k, piece in enumerate(body.pieces):
         properties = ProximityProperties()
         AddContactMaterial(properties=properties, friction=CoulombFriction(friction, friction))
+        if hydroelastic is not None and not isinstance(piece.shape, SMOOTH):
+            AddCompliantHydroelasticProperties(*hydroelastic, properties)
         pose = base @ transform(np.array(piece.position), np.array(piece.orientation))
         name = f"{body.name}.{k}"
         ids.append(plant.RegisterCollisionGeometry(target, pose, _shape(piece), name, properties))

@@ -139,7 +139,7 @@ def _judged(context: Context) -> list[tuple[str, Bounce, float]]:
         for (a, b), distance in context.distances.distance.items()
         if _followed(distance) and _central(context, a, b)
     }
-    judged = []
+    judged: list[tuple[str, Bounce, float]] = []
     for pair, all_bounces in found.items():
         fast = [bounce for bounce in all_bounces if bounce.approach > BOUNCE_SPEED]
         asked = context.scenario.pair_coefficients(*pair)[0]

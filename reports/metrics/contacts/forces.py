@@ -126,7 +126,7 @@ def friction_cone(context: Context) -> Values:
     limit, tangential = _bounds(context)
     normal = np.maximum(context.impulses[0], 0.0)
     step = np.floor(rows["time"] / float(context.recording.facts["dt"]) + STARTS).astype(np.int64)
-    found = {}
+    found: dict[str, float] = {}
     for pair in sorted(set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))):
         mine = (rows["body_a"] == pair[0]) & (rows["body_b"] == pair[1])
         _, group = np.unique(step[mine], return_inverse=True)
@@ -188,7 +188,7 @@ def _sliding(context: Context) -> dict[str, Array]:
     names = [context.owner_pair(a, b) for a, b in met]
     places = {name: [k for k, one in enumerate(names) if one == name] for name in sorted(names)}
     mine = {name: sliding & np.isin(which, where) for name, where in places.items()}
-    found = {name: rows for name, rows in mine.items() if rows.any()}
+    found: dict[str, Array] = {name: rows for name, rows in mine.items() if rows.any()}
     if not found:
         raise NotMeasured(f"no contact slides faster than {SLIDING_SPEED} m/s")
     return found

@@ -9,6 +9,7 @@ from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.posture import Mask, pressed
 from touchstone.scenarios.scenario import UNMOVED
+from touchstone.scenarios.truths.pair_names import PairName
 
 REST_SPEED = 1e-2
 """Speed below which a body rests [m/s]."""
@@ -81,7 +82,7 @@ def _carried_gaps(context: Context) -> dict[str, Value]:
 
 
 def _resting_gaps(context: Context) -> dict[str, float]:
-    found = {}
+    found: dict[str, float] = {}
     for pair, distance in sorted(
         context.distances.distance.items(), key=lambda item: _mover(context, item[0])
     ):
@@ -109,7 +110,7 @@ def _mover(context: Context, pair: tuple[int, int]) -> int:
 
 def _pressed_gaps(context: Context) -> dict[str, float]:
     """Gaps between each driven body and each body that it is pressed into; links have their root's name."""
-    gaps: dict[str, list[tuple[Array, Mask]]] = {}
+    gaps: dict[PairName, list[tuple[Array, Mask]]] = {}
     for tracker in context.scenario.trackers:
         links = context.scenario.links(tracker)
         for other, deep in pressed(context, tracker).items():
@@ -117,7 +118,7 @@ def _pressed_gaps(context: Context) -> dict[str, float]:
             near = [context.distances.distance[p] for p in pairs if p in context.distances.distance]
             name = context.owner_pair(*sorted((links[0], other)))
             gaps.setdefault(name, []).append((np.min(near, axis=0), deep))
-    found = {}
+    found: dict[str, float] = {}
     for name, sides in gaps.items():
         nearest = np.min([np.where(deep, gap, np.inf) for gap, deep in sides], axis=0)
         held = np.abs(nearest) < SUPPORT_REACH

@@ -196,7 +196,9 @@ def subjects(scenario: Scenario) -> dict[tuple[str, PairName], Expectation]:
 
 
 def _expected(context: Context, event: str) -> dict[str, Expectation]:
-    wanted = {subject: e for (name, subject), e in subjects(context.scenario).items() if name == event}
+    wanted: dict[str, Expectation] = {
+        subject: e for (name, subject), e in subjects(context.scenario).items() if name == event
+    }
     if not wanted:
         raise NotMeasured(f"the scene expects no {event}")
     return wanted

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import typer
 
+from touchstone.adapters.registry import settings_of
 from touchstone.reports.cli.main import app
 from touchstone.reports.docs.measurements import NoResults, page_of
-from touchstone.reports.docs.reference import commands_page, difference, list_pages, settings_pages
+from touchstone.reports.docs.reference import (
+    EFFECTS,
+    MANUALS,
+    SOURCES,
+    commands_page,
+    difference,
+    list_pages,
+    settings_pages,
+)
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.scenarios.catalogue import tagged
 
@@ -28,10 +38,21 @@ def test_generated_pages_are_current():
 
 def test_pages_of_settings_are_current():
     """The page of every engine that is installed equals that in docs/settings; else run `touchstone docs`."""
-    pages = settings_pages()
+    pages = settings_pages(SETTINGS)
     stale = [name for name, text in pages.items() if (SETTINGS / name).read_text() != text]
     assert not stale, "run `touchstone docs`"
     assert all("to paste" in text and "reviewed by" in text for text in pages.values())
+    for engine in pd.read_csv(SETTINGS / EFFECTS).engine.unique():
+        assert "## The best for each tolerance" in (SETTINGS / f"{engine}.md").read_text()
+
+
+def test_every_setting_has_a_source():
+    """Each setting of an engine with a page has a line with its source; no line is of one that is gone."""
+    with open(SOURCES, newline="", encoding="utf-8") as file:
+        lines = {(row["engine"], row["setting"]): row["source"] for row in csv.DictReader(file)}
+    known = {(engine, name) for engine in MANUALS for name in settings_of(engine)}
+    assert set(lines) == known
+    assert all(lines.values())
 
 
 @pytest.mark.parametrize(

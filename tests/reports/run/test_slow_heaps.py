@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from touchstone.reports.results import rows_of
 from touchstone.reports.run import study
-from touchstone.reports.run.request import Request
+from touchstone.reports.runner.request import Request
 from touchstone.scenarios.catalogue import catalogue
 
 

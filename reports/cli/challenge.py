@@ -1,0 +1,145 @@
+"""`touchstone challenge`: the column of a settings file beside the engine's `recommended`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from touchstone.reports.cli.options import (
+    BAD_INPUT,
+    LIMIT_BROKEN,
+    QuietOption,
+    changes_for,
+    engine_installed,
+    folder_of_now,
+    known,
+    progress_for,
+    require_judge,
+    require_new,
+    step_for,
+    stop,
+)
+from touchstone.reports.cli.scenes.chosen import scenarios_for
+
+if TYPE_CHECKING:
+    from touchstone.reports.results import Row
+
+MISSED = ("fail", "known", "error")
+"""Verdicts of rows over their limits, and of runs that did not end. A known failing counts: it is one of
+`recommended`, and new settings have none."""
+TIME = "time.frame.median"
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsFile:
+    """A settings file.
+
+    Attributes:
+        settings: changes of the profile by name, as `--set` takes them.
+        source: where the engine's documentation or maintainers recommend them.
+        by: who answers for them.
+    """
+
+    engine: str
+    settings: dict[str, str]
+    source: str
+    by: str
+    profile: str = "recommended"
+    dt: str = ""
+
+
+def challenge(
+    file: Annotated[Path, typer.Argument(help="Settings of an engine (TOML or JSON; docs/challenge.md).")],
+    scenario: Annotated[list[str] | None, typer.Argument(help="Scenes (default: --tag).")] = None,
+    tag: Annotated[str, typer.Option(help="Play every scene with this tag.")] = "probe",
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of both runs (default: runs/challenge-TIME).")
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Play a settings file beside the engine's recommended profile: rows over their limits, and time.
+
+    Exit code 1: more rows are over their limits than under `recommended`.
+    """
+    from touchstone.reports.results import rows_of
+    from touchstone.reports.run.study import run
+    from touchstone.reports.runner.request import MACHINE_PROFILE, Request
+
+    given = settings_file(file)
+    engine = engine_installed(given.engine)
+    scenarios = tuple(scenarios_for(scenario or [], tag))
+    profiles = _profiles(engine)
+    own, named = (engine, known("profile", given.profile, profiles)), f"{engine} {given.profile}"
+    before = (engine, MACHINE_PROFILE if MACHINE_PROFILE in profiles else profiles[0])
+    changes = changes_for([own], [f"{engine}.{key}={value}" for key, value in given.settings.items()])
+    step = step_for(given.dt, list(scenarios)) if given.dt else None
+    require_judge()
+    folder = out or folder_of_now("challenge-")
+    require_new(folder)
+    command = " ".join(["touchstone", *sys.argv[1:]])
+    requests = (
+        Request(scenarios, (before,), folder / "before", command=command),
+        Request(scenarios, (own,), folder / "settings", step, command=command, changes=changes),
+    )
+    tables = []
+    for request in requests:
+        with progress_for(sum(one.frame_count for one in scenarios), quiet, by_scene=True) as progress:
+            tables.append(rows_of(run(request, progress).frame))
+    counts = [sum(1 for _ in missed(rows)) for rows in tables]
+    if not quiet:
+        print("\n".join(_lines(" ".join(before), f"{named} with {file}", tables)))
+        print(f"settings: {'; '.join(changes) or 'as the profile'}; by {given.by}; {given.source}")
+        print(f"results: {folder}")
+    if counts[1] > counts[0]:
+        raise typer.Exit(LIMIT_BROKEN)
+
+
+def settings_file(path: Path) -> SettingsFile:
+    """The settings of a file; a fault exits with a line that names its place."""
+    from pydantic import create_model
+
+    from touchstone.scenarios.files.read import SceneFileError, data_of_file
+
+    texts = dict.fromkeys(("engine", "source", "by"), (str, ...)) | {"profile": (str, "recommended")}
+    fields = {**texts, "dt": (str, ""), "settings": (dict[str, str], ...)}
+    model = create_model("Settings", __config__={"extra": "forbid"}, **fields)  # type: ignore[call-overload]
+    try:
+        data, faults, message_of = data_of_file(path, model)
+    except SceneFileError as error:
+        stop(str(error), BAD_INPUT)
+    if faults:
+        stop(message_of(faults), BAD_INPUT)
+    return SettingsFile(**data)
+
+
+def _profiles(engine: str) -> list[str]:
+    from touchstone.adapters.registry import ENGINES
+
+    return list(ENGINES[engine].profiles)
+
+
+def missed(rows: Iterable[Row]) -> Iterator[Row]:
+    """Rows over their limits, and runs that did not end; ratios to the reference depend on the machine."""
+    return (row for row in rows if row.verdict in MISSED and not row.metric.startswith("ratio."))
+
+
+def _lines(before: str, after: str, tables: list[list[Row]]) -> Iterator[str]:
+    """Counts and times of both columns, then the scenes whose counts differ."""
+    from collections import Counter
+
+    counts = [Counter(row.scenario for row in missed(rows)) for rows in tables]
+    times = [sum(row.value for row in rows if row.metric == TIME) for rows in tables]
+    for name, count, time in zip((before, after), counts, times):
+        yield f"{name}: {count.total()} rows over their limits; sum of median frames {time * 1e3:.3g} ms"
+    yield "one run of each: times are no verdict (touchstone bench frame)"
+    for word, sign in (("better", -1), ("worse", 1)):
+        found = {name: counts[1][name] - counts[0][name] for name in {*counts[0], *counts[1]}}
+        names = sorted(
+            (name for name in found if found[name] * sign > 0), key=lambda name: (-abs(found[name]), name)
+        )
+        yield f"{word}: {', '.join(f'{name} {found[name]:+d}' for name in names) or 'nowhere'}"
