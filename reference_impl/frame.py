@@ -40,6 +40,7 @@ from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
     DETECTION_FAST,
     DETECTION_SWEEP,
+    DRIVEN,
     EVENT_CAP,
     FIXED,
     SIMULATED,
@@ -278,6 +279,11 @@ def _simulate(world):
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
             leave_loop(bodies, joints, drivers[d], state["dt"])
+    if left > TIME_MIN and len(drivers) > 0:
+        # bodies are where the time was dropped, prescribed ones at the end of the frame
+        place_listed(bodies, pieces, vertices, DRIVEN, state)
+        state["unpaid_energy"] = 0.0
+        separate_simulated(world, 0)
 
 
 @kernel
