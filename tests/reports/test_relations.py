@@ -94,7 +94,7 @@ def test_settings_with_a_unit_grow_with_the_scene():
     """A gap in metres falls to a quarter and a speed to a half where times fall to a half; counts stay."""
     changed = _rescaled(Task(catalogue()["slide"], "reference", SETTINGS), 0.5)
     assert changed.dt == SETTINGS.dt / 2
-    assert dict(text.split("=") for text in changed.changes) == {"v_rest": "0.005", "impact_gap": "1.25e-07"}
+    assert dict(text.split("=") for text in changed.changes) == {"v_rest": "0.0045", "impact_gap": "1.25e-07"}
 
 
 def test_later_waits():

@@ -15,6 +15,7 @@ from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.views.markdown import report
 from touchstone.reports.views.tables import HIDDEN, MARKS, grid, number
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.truths.pair_names import PairName
 
 COLUMNS = (
     ("reference", "balanced"),
@@ -141,11 +142,13 @@ def test_the_page_shows_asked_beside_achieved():
     """Put the restitution of a bounce and the friction of a slide beside what the scene asks for."""
     scenario = catalogue()["ball_snip"]
     rows = [
-        Row("run", "ball_snip", engine, "recommended", 1 / 240, metric, value, subject=subject)
+        Row(
+            "run", "ball_snip", engine, "recommended", 1 / 240, metric, value, subject=str(pair), **vars(pair)
+        )
         for engine, e, deficit in (("dart", 0.298, -0.05), ("bullet", 0.348, float("nan")))
-        for metric, subject, value in (
-            ("restitution.achieved", "floor-ball #1", e),
-            ("friction.deficit", "palm-ball", deficit),
+        for metric, pair, value in (
+            ("restitution.achieved", PairName("floor", "ball", 1), e),
+            ("friction.deficit", PairName("palm", "ball"), deficit),
         )
     ]
     columns = (("dart", "recommended"), ("bullet", "recommended"))

@@ -15,6 +15,7 @@ from touchstone.reports.studies.work_precision.cheapest import Answer, MeasuredS
 
 WITHOUT = {
     "nightly": {"--format": "its folder has the table", "--out": "a night belongs to its --store"},
+    "challenge": {"--format": "prints two counts; its folder has both tables"},
     "accept": {"--format": "one line", "--out": "one line", "--quiet": "one line"},
     "failings measure": {
         "--format": "prints what changed",
