@@ -28,7 +28,7 @@ from touchstone.scenarios.solids import slab
 
 FRAME = 1 / 60
 PROFILES = ("balanced", "accurate")
-QUICK_SCENES, SLOW_SCENES, PART = 120, 5000, 500
+QUICK_SCENES, SLOW_SCENES, PART = 100, 5000, 500
 """Seeds per profile: in every run of the tests, where some 100 scenes have few bodies, and in the slow ones,
 which play them in parts."""
 QUICK_PART = 30
