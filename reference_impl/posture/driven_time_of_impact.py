@@ -37,8 +37,9 @@ SEGMENT_TURN = 0.5
 
 @kernel
 def sweep_drivers(world):
-    """Stop each driver's motion from its last free pose where a link first goes deep into a fixed body, then
-    two drivers where they go deep into each other; their couplings keep their velocities."""
+    """Stop each driver's motion from its last free pose where a link first goes deep into a fixed body or
+    another of its links, then two drivers where they go deep into each other; their couplings keep their
+    velocities."""
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     every = state["detection"] != DETECTION_FAST
     for d in range(len(drivers)):
@@ -56,8 +57,8 @@ def sweep_drivers(world):
 
 @kernel
 def stop_deep(world, d):
-    """Move driver d back towards its last free pose, to where a link first goes deep into a fixed body on its
-    way to the current pose, which is stored as the pose at entry; poses the links.
+    """Move driver d back towards its last free pose, to where a link first goes deep into a fixed body, or
+    another of its links, on its way to the current pose, which is stored as the pose at entry; poses the links.
 
     With d = -1, move back the two drivers that first go deep into each other if all move together.
     Prescribed ones go on. DETECTION_FAST needs the paths that `is_far` bounds.
@@ -163,8 +164,8 @@ def _begin_segment(bodies, joints, driver, start, end):
 
 @kernel
 def _free_fraction(world, d):
-    """Fraction of a segment up to which no link of driver d has gone deep into a fixed body or, if d is -1,
-    no driver into another; and the row of that pair, or -1."""
+    """Fraction of a segment up to which no link of driver d has gone deep into a fixed body or another of its
+    links or, if d is -1, no driver into another; and the row of that pair, or -1."""
     bodies, pieces, pairs, state = world.bodies, world.pieces, world.pairs, world.state
     first, met = 1.0, -1
     for k in range(find_swept_pairs(world, DRIVEN, 0)):
@@ -172,9 +173,10 @@ def _free_fraction(world, d):
         a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
         one, two = a["driver"], b["driver"]
         # simulated bodies meet a driver in the simulated loop
-        if a["kind"] == SIMULATED or b["kind"] == SIMULATED or one == two:
+        if a["kind"] == SIMULATED or b["kind"] == SIMULATED:
             continue
-        if (min(one, two) < 0) if d < 0 else (min(one, two) >= 0 or max(one, two) != d):
+        least = min(one, two)
+        if (least < 0 or one == two) if d < 0 else (max(one, two) != d or (least >= 0 and least != d)):
             continue
         if state["detection"] == DETECTION_SWEEP or is_fast_pair(bodies, pieces, pair, PAST_MIDDLE):
             fraction = _deep(world, pair, first)

@@ -106,6 +106,13 @@ def test_what_drivers_meet_gains_no_more_than_their_work(kind: str, first: int) 
     assert broken(played("balanced", range(first, first + count), kind=kind)) == []
 
 
+@pytest.mark.parametrize("seed", [97000362, 4411025])
+def test_limbs_do_not_pass_through_each_other(seed: int) -> None:
+    """Overlap removal turns limbs far: before their way was swept, it took a foot through the other foot and a
+    hand through a thigh in a frame."""
+    assert broken(played("balanced", range(seed, seed + 1), kind="person")) == []
+
+
 @pytest.mark.parametrize("seed", [90, 483])
 def test_a_frame_that_drops_time_leaves_no_overlap_with_a_platform(seed: int) -> None:
     """A light body hammered between a platform and heavy ones has more impacts than a frame resolves; the
