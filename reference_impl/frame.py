@@ -219,6 +219,7 @@ def _simulate(world):
             if drivers[d]["chain_count"] == 0 or may_touch(bodies, joints, drivers[d], state["dt"]):
                 enter_loop(bodies, joints, drivers[d], state["dt"])
                 state["driven_loop"] = 1
+                state["led_loop"] = max(state["led_loop"], drivers[d]["leads"])
     # a crowded frame mostly follows another: do not try event by event again
     state["calm_events"] = state["curved"] = state["halvings"] = 0
     state["rows"] = state["event_rows"] if state["dense_frame"] == 1 else 0
@@ -275,7 +276,7 @@ def _simulate(world):
         state["dropped_time"] = left
         state["counters"][COUNT_GAVE_UP] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
-    state["driven_loop"] = 0
+    state["driven_loop"] = state["led_loop"] = 0
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
             leave_loop(bodies, joints, drivers[d], state["dt"])

@@ -204,7 +204,7 @@ def _solve_velocities(world, count, h):
                 exact = min(exact, curved_share(turned, h, state))
             share, most = min(share, exact), min(most, exact * h)
         # a driver's pull is no part of the prediction of a stop, which may come nearer by a few percent only
-        if k >= DRIVEN_ROUNDS and share < 1 and state["driven_loop"] == 1 and state["led"] == 1:
+        if k >= DRIVEN_ROUNDS and share < 1 and state["led_loop"] == 1 and state["led"] == 1:
             share = min(share, 0.5)
         later = min(most, STOP_SHORT * share * h)
         if share >= STOP_SHARE:
@@ -228,7 +228,7 @@ def _is_carried(world, count):
     The force of a coupled driver is constant over a substep of any length: it shows neither.
     """
     state, found = world.state, False
-    if state["driven_loop"] == 0 or state["dense_substep"] == 1 or count > CURVED_ROWS:
+    if state["led_loop"] == 0 or state["dense_substep"] == 1 or count > CURVED_ROWS:
         return False
     for d in range(len(world.drivers)):
         if world.drivers[d]["loops"] == 1 and world.drivers[d]["leads"] == 1:
@@ -306,7 +306,7 @@ def _prepare_resting_contacts(world, count, h):
             move_surfaces(bodies, world.pieces, pair)
     state["curved"] = 1 if curved else 0
     # an attempt before this one may have marked bodies
-    marked, state["led"] = state["led"], 1 if curved or state["driven_loop"] == 1 else 0
+    marked, state["led"] = state["led"], 1 if curved or state["led_loop"] == 1 else 0
     if state["led"] == 1 or marked == 1:
         state["led"] = 1 if _mark_led(bodies, world.drivers, pairs, count) else 0
     for k in range(count):
@@ -338,10 +338,10 @@ def _except_faces(pairs, count, flight):
 def _floor(pair, state, flight, led):
     """Lower bound of a row's normal velocity after the contact solve [m/s].
 
-    A pair that separates faster than `flight` gets NO_FLOOR (`first_return` finds its return). A slower pair
-    may return as fast as it left: its mean velocity over the substep is then 0, and so is the work of its
-    impulse; in an island with a driver, the law of positions sees to that. A near pair may close its gap at
-    most.
+    A pair that separates faster than `flight` gets NO_FLOOR (`first_return` finds its return). A slower pair,
+    and any in a dense substep, may return as fast as it left: its mean velocity over the substep is then 0,
+    and so is the work of its impulse; of a slow pair in an island with a driver, the law of positions sees to
+    that. A near pair may close its gap at most.
     """
     if pair["speculative_speed"] > 0:
         return pair["key"] - pair["speculative_speed"]
@@ -350,7 +350,7 @@ def _floor(pair, state, flight, led):
         return 0.0
     if separation > flight and state["dense_substep"] == 0:
         return NO_FLOOR
-    return 0.0 if led else -separation
+    return 0.0 if led and separation <= flight else -separation
 
 
 @inlined_kernel
@@ -360,7 +360,7 @@ def _solve_together(world, count, h):
     note_free_slip(bodies, pairs, count, state)
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)
-        if state["driven_loop"] == 1 and state["last_time"] < 0:
+        if state["led_loop"] == 1 and state["last_time"] < 0:
             for i in range(3):
                 pairs[k]["last_force"][i] = pairs[k]["resting_impulse"][i] / h
     state["lead"] = VELOCITY_LEAD

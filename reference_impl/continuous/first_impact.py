@@ -19,7 +19,8 @@ from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
 CLOSING_EXTRA = 8
 """Most steps of the search for a time of impact after its slack is reached."""
 CLOSING_SHARE = 1e-3
-"""Share of the slack at which the search for a time of impact ends [1]."""
+"""Share of the slack at which the search for a time of impact ends [1]: in whatever way it searches, it finds
+the same time."""
 IMPACT_STEPS = 90
 """Bracketing steps for the time of an impact; about 6 are usual."""
 SECANT_STEPS = 60
@@ -82,7 +83,7 @@ def earliest_impact(world, touching, end, until, fast):
                 state["halves"], fraction = 1, max(fraction, AGREEING_SHARE * first)
             first, drifted = min(first, fraction), drifted or sank
         elif swept:
-            first = _swept(moving, first, gap, slack)
+            first = _swept(moving, first, gap, CLOSING_SHARE * slack)
         else:
             first = _closing(moving, first, gap, slack)
         met = k if first < before and state["halves"] == 0 else met

@@ -55,6 +55,7 @@ STATE = record(
     dense_substep="i8",  # 1: the substep is dense
     settling="f8",  # residual left to the substep by a solve before it [m/s]; 0 in other solves
     driven_loop="i8",  # 1: drivers move in the simulated loop now
+    led_loop="i8",  # 1: one of them leads contacts by the law of positions
     curved="i8",  # 1: a row of the substep is curved
     may_halve="i8",  # 1: a contact that agrees at the end of a substep alone, and sinks there, may halve it
     halves="i8",  # 1: one does

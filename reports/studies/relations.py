@@ -100,7 +100,8 @@ def _deviation(engine: Engine, task: Task, plain: Scenario, first: Recording, na
     theirs = _points(other, changed, relation.own, relation.scale)[relation.wait :, order]
     if relation.wait and _distance(theirs[:1], _points(first, plain, np.eye(3), 1.0)[:1]) > STILL:
         raise _NotApplied("bodies move while the trackers wait")
-    back = (theirs - np.array(relation.offset)) @ relation.matrix / relation.scale
+    way = np.outer(other.time, relation.speed) + np.outer(other.time**2 / 2, relation.push) + relation.offset
+    back = (theirs - way[: len(theirs), None, None]) @ relation.matrix / relation.scale
     return _distance(back, _points(first, plain, np.eye(3), 1.0))
 
 

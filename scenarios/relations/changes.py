@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.scenario import (
+    IDENTITY,
     TRACKED,
     Body,
     Box,
@@ -35,6 +36,9 @@ from touchstone.scenarios.solids import ball
 Array = NDArray[np.float64]
 FAR: Vector = (50.0, 50.0, 50.0)
 """Place of a body that nothing meets [m]."""
+AROUND = 1.0
+"""Time before the start and after the end of a scene that the path of its fixed bodies covers [s]: a cubic
+spline departs from a parabola near its ends."""
 
 
 def bare(scenario: Scenario, **fields: object) -> Scenario:
@@ -196,6 +200,33 @@ def with_stranger(scenario: Scenario) -> Scenario:
     """Scene with one more ball, far from everything and at rest where there is no gravity."""
     material = scenario.bodies[0].material
     return bare(scenario, bodies=(*scenario.bodies, ball("stranger", material, 0.05, 1.0, FAR)))
+
+
+def carried(scenario: Scenario, speed: Vector, push: Vector = (0.0, 0.0, 0.0)) -> Scenario:
+    """Scene on fixed bodies that move with a velocity [m/s] and an acceleration [m/s^2], which is added to
+    gravity: Galilei's principle, and the equivalence of acceleration and gravity."""
+    before = round(AROUND * scenario.frame_rate)
+    frames = np.arange(-before, scenario.frame_count + before + 1)
+    times = frames / scenario.frame_rate
+    way = np.outer(times, speed) + np.outer(times**2 / 2, push)
+    bodies, trackers = [], []
+    for one in scenario.bodies:
+        if one.kind == "fixed":
+            count = len(times)
+            path = tuple(map(vector, way + one.position))
+            keys = (tuple(times.tolist()), path, (one.orientation,) * count, ((),) * count)
+            trackers.append(Tracker(one.name, (), *keys, interpolation="cubic"))
+            one = replace(one, kind="prescribed", position=(0.0, 0.0, 0.0), orientation=IDENTITY)
+        else:
+            one = replace(one, linear_velocity=vector(np.add(one.linear_velocity, speed)))
+        bodies.append(one)
+    gravity = vector(np.add(scenario.gravity, push))
+    return bare(scenario, bodies=tuple(bodies), trackers=tuple(trackers), gravity=gravity)
+
+
+def can_be_carried(scenario: Scenario) -> bool:
+    """Whether a scene has fixed bodies, and no trackers."""
+    return not scenario.trackers and any(body.kind == "fixed" for body in scenario.bodies)
 
 
 def later(scenario: Scenario, frames: int) -> Scenario:

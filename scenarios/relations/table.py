@@ -1,7 +1,8 @@
 """Table of the relations: how a scene is changed, and how its motion must change with it.
 
-A point p of the original is at `scale` A p + `offset` in the changed scene, after `scale`^(1/2) as much time
-and `wait` frames. Body-fixed points change by `scale` L, L the mirror for the mirror image and 1 otherwise.
+A point p of the original is at `scale` A p + `offset` + `speed` t + `push` t^2 / 2 in the changed scene,
+after `scale`^(1/2) as much time and `wait` frames. Body-fixed points change by `scale` L, L the mirror for
+the mirror image and 1 otherwise.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.relations import changes
 from touchstone.scenarios.relations.decomposition import decomposed, is_divisible
-from touchstone.scenarios.scenario import Box, Scenario
+from touchstone.scenarios.scenario import Box, Scenario, Vector
 from touchstone.scenarios.transforms import mirrored, permuted, translated
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ TURN = Rotation.from_rotvec((0.4, -0.9, 1.3))
 """A rotation about the vertical, and one about an axis of no symmetry [rad]."""
 OFFSET = (0.37, -1.21, 0.53)
 """Translation [m]."""
+SPEED, PUSH = (0.7, -0.4, 0.2), (0.3, 0.5, 0.8)
+"""Velocity [m/s] and acceleration [m/s^2] of fixed bodies."""
 FACTOR, TIMES = 8.0, 0.5
 """Factor of masses, and of times in Froude's law; powers of two scale floats exactly."""
 WAIT = 30
@@ -43,7 +46,9 @@ class Relation:
     change: Callable[[Scenario], Scenario]
     matrix: Array = field(default_factory=_identity)
     own: Array = field(default_factory=_identity)
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: Vector = (0.0, 0.0, 0.0)
+    speed: Vector = (0.0, 0.0, 0.0)
+    push: Vector = (0.0, 0.0, 0.0)
     scale: float = 1.0
     times: float = 1.0
     wait: int = 0
@@ -85,6 +90,20 @@ RELATIONS: dict[str, Relation] = {
             applies=lambda s: not any(chain.cones for chain in s.chains),
         ),
         Relation("translation", "moved", _translated, offset=OFFSET),
+        Relation(
+            "uniform",
+            "on fixed bodies that move uniformly",
+            lambda s: changes.carried(s, SPEED),
+            speed=SPEED,
+            applies=changes.can_be_carried,
+        ),
+        Relation(
+            "accelerated",
+            "on fixed bodies that accelerate, in the gravity that this is equal to",
+            lambda s: changes.carried(s, (0.0, 0.0, 0.0), PUSH),
+            push=PUSH,
+            applies=lambda s: "gravity" in s.effects and changes.can_be_carried(s),
+        ),
         Relation("bodies", "bodies in reverse order", _reversed, applies=_loose),
         Relation(
             "piece_order",
