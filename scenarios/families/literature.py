@@ -164,7 +164,8 @@ LEANS = 0.5
 """First tilt over the one at which it would fall over [1]."""
 HOUSNER = (
     "Housner (1963), Bull. Seismol. Soc. Am. 53, 403: after n impacts 1 - sqrt(1 - r^n (1 - (1 - p)^2)) of "
-    "the critical angle, r = (1 - 3/2 sin^2)^2; slender blocks. Tolerance 2 %: sin(a) = a up to 0.2"
+    "the critical angle, r = (1 - 3/2 sin^2)^2; slender blocks; as others quote it, the page of r was not "
+    "seen. Tolerance 2 %: sin(a) = a up to 0.2"
 )
 
 
@@ -201,7 +202,8 @@ def rocking_block() -> Scenario:
 
 VOYENLI = (
     "Voyenli & Eriksen (1985), Am. J. Phys. 53, 1149: a ring stops sliding and turning at the same time, and "
-    "v / w goes to its radius from any start; on three feet it does, too (integrated). Tolerance 2 %"
+    "v / w goes to its radius from any start; as others quote it, their pages were not seen. On three feet "
+    "it does, too (integrated). Tolerance 2 %"
 )
 
 

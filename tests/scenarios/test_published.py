@@ -352,13 +352,17 @@ def test_a_force_plate_by_momentum() -> None:
 
 @pytest.mark.parametrize("name", ["silo_160", "silo_1000"])
 def test_a_silo_by_integration(name: str) -> None:
-    """Weight less what the walls carry, layer by layer, between the two pressures of grains on a wall."""
+    """Weight less what the walls carry, layer by layer, between two pressures on a wall by Mohr's circle."""
     scene = catalogue()[name]
     (one,), count = scene.published, sum(body.name.startswith("grain") for body in scene.bodies)
     mu, width, grain = scene.coefficients[0].friction, 0.46, 4 / 3 * np.pi * 0.05**3
     high = count * grain / 0.58 / width**2
+    # stresses over their mean, on planes of all directions; the circle touches the line of slip
+    angles = np.linspace(0.0, np.pi, 100_001)
+    normal, shear = 1 + np.sin(np.arctan(mu)) * np.cos(angles), np.sin(np.arctan(mu)) * np.sin(angles)
+    slips = normal[np.argmax(shear / normal)]
     carried = []
-    for sideways in (0.3820, 2 / 3):
+    for sideways in (normal.min() / normal.max(), slips / (2 - slips)):
         load, layers = 0.0, 100_000
         for _ in range(layers):
             load += (count * GRAVITY - 4 / width * mu * sideways * load * high) / layers
