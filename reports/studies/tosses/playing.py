@@ -256,8 +256,10 @@ class Identification:
     floor: bool = False
 
     def play(self, engine: Engine) -> Identified:
-        """Search in this process: the lattice, then downhill from its best cell (Nelder & Mead)."""
-        start = min(product(RESTITUTIONS, FRICTIONS), key=lambda cell: self.distance(engine, cell))
+        """Search in this process: the lattice on every second toss, then downhill from its best cell on all
+        (Nelder & Mead)."""
+        few = replace(self, training=self.training[::2])
+        start = min(product(RESTITUTIONS, FRICTIONS), key=lambda cell: few.distance(engine, cell))
         e, mu = start[0], log(start[1])
         side, factor = RESTITUTIONS[1] / 2, log(FRICTIONS[1] / FRICTIONS[0]) / 2
         simplex = ((e, mu), (e + side, mu), (e, mu - factor))
