@@ -45,12 +45,15 @@ def check_range(
         raise Unsupported(f"{engine}: {kind} must be 0 or {bound}, found {value:g} for the pairs {names}")
 
 
-def product_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -> list[float]:
+def product_factors(
+    engine: str, kind: str, scenario: Scenario, wanted: Pairs, greatest: float = inf
+) -> list[float]:
     """Factors per body with f_a f_b = the pair's coefficient, for engines that multiply.
 
     Solves a linear system in the logarithms by its normal equations: scenes of hundreds of bodies have tens
     of thousands of pairs. A pair with coefficient zero needs one zero factor, taken from the body all of
-    whose pairs are zero. Raises Unsupported with the pairs if no factors exist.
+    whose pairs are zero. Raises Unsupported with the pairs if no factors exist, or with the body whose factor
+    is over `greatest`.
     """
     count = len(scenario.bodies)
     system, logs = np.zeros((count, count)), np.zeros(count)
@@ -59,8 +62,12 @@ def product_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -
             system[np.ix_((a, b), (a, b))] += 1.0
             logs[[a, b]] += np.log(value)
     solved = np.exp(np.linalg.lstsq(system, logs, rcond=None)[0])
-    factors = np.where(system.diagonal() > 0, solved, 0.0).tolist()
+    solved[np.abs(solved - 1) < MIX_TOLERANCE] = 1.0  # by rounding it would exceed what engines accept
+    factors: list[float] = np.where(system.diagonal() > 0, solved, 0.0).tolist()
     _check(engine, kind, scenario, wanted, factors, lambda f, g: f * g)
+    for body, factor in zip(scenario.bodies, factors):
+        if factor > greatest:
+            raise Unsupported(f"{engine}: {kind} of {body.name!r} would be {factor:g}, beyond {greatest:g}")
     return factors
 
 

@@ -31,9 +31,9 @@ from touchstone.reports.views.frame_budget import write_picture
 from touchstone.reports.views.markdown import report
 from touchstone.scenarios.scenario import Scenario
 
-HEAP_BUDGET = 180.0
-"""Time of an engine's steps after which its column skips the rest of a heap [s]: the reference takes 80 s for
-1,000 grains; a frame of DART's takes seconds once hundreds of pairs touch."""
+HEAP_BUDGET, LARGE_BUDGET = 60.0, 180.0
+"""Time of an engine's steps after which its column skips the rest of a heap, and of a large one [s]: the
+reference takes 80 s for 1,000 grains; a frame of DART's takes seconds once hundreds of pairs touch."""
 
 
 def ratios_of(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: list[Row]) -> list[Row]:
@@ -149,7 +149,8 @@ def job_of(request: Request, scenario: Scenario, engine: str, profile: str, fold
     settings = request.settings(engine, profile)
     name = f"{scenario.name}-{engine}-{settings.label.replace(', ', '+')}"
     files = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
-    return Job(engine, scenario, settings, *files, HEAP_BUDGET if "heap" in scenario.tags else inf)
+    budget = (LARGE_BUDGET if "large" in scenario.tags else HEAP_BUDGET) if "heap" in scenario.tags else inf
+    return Job(engine, scenario, settings, *files, budget)
 
 
 def _play(

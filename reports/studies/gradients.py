@@ -318,7 +318,10 @@ def report(frame: pd.DataFrame) -> list[Part]:
         last = case
         lines.append([name, *(" ".join(found.get(column, ())) for column in columns)])
     heads = ["derivative", *map(" ".join, columns)]
-    return [Part("gradients: errors of derivatives of the end state", heads, lines, NOTES), failures(frame)]
+    judged = [row.high for row in rows if row.limit == row.limit]
+    worst = [f"largest of the {len(judged)} judged: {max(judged):.0e}"] if judged else []
+    notes = (*NOTES, *worst)
+    return [Part("gradients: errors of derivatives of the end state", heads, lines, notes), failures(frame)]
 
 
 LEAST, MOST = 1e-10, 10.0

@@ -48,9 +48,10 @@ SCATTERS = 0.19
 JANSSEN = (
     "Janssen (1895), translated in arXiv:cond-mat/0511618: the floor of a silo carries (1 - e^-x) / x of the "
     "weight, x = 4 mu K h / width; for K sources differ, from Rankine's (1 - sin) / (1 + sin) to "
-    "(1 - sin^2) / (1 + sin^2) at a wall that slips, tan = mu: 0.38 to 0.67. Marini Bettolo Marconi et al. "
-    "(2000), Physica A 280, 279: loads scatter by their size. Value: the middle; tolerance: the ends, and a "
-    "fifth of the load"
+    "(1 - sin^2) / (1 + sin^2) at a wall that slips, tan = mu: 0.38 to 0.67, both by Mohr's circle, their "
+    "pages were not seen. Marini Bettolo Marconi et al. (2000), Physica A 280, 279: loads scatter by their "
+    "size. A correlation, not integrated by grains. Value: the middle; tolerance: the ends, and a fifth of "
+    "the load"
 )
 
 
@@ -122,7 +123,7 @@ SAND, CONTINUUM = 1.2, 2.28
 LUBE = (
     "Lube et al. (2005), Phys. Rev. E 72, 041301: the front of sand in a channel runs 1.2 a of the first "
     "length at small a; Dunatunga & Kamrin (2015), J. Fluid Mech. 779, 483, table 3, disagree: 2.28 a "
-    "in plane strain. The value is between them, the tolerance reaches both; not integrated"
+    "in plane strain. The value is between them, the tolerance reaches both; a correlation, not integrated"
 )
 
 

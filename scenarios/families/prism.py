@@ -30,7 +30,8 @@ RATE = 5.0
 
 MCGEER = (
     "McGeer (1990), Int. J. Robotics Res. 9(2), 62, rimless wheel: each edge keeps (I + m R^2 cos(2 pi / n)) "
-    "/ (I + m R^2) of the rate, a fall restores it. Tolerance 2 %: 1.2 % off at the frames of 1 to 1.5 s"
+    "/ (I + m R^2) of the rate, a fall restores it; as others quote it, his page was not seen. Tolerance 2 "
+    "%: 1.2 % off at the frames of 1 to 1.5 s"
 )
 
 

@@ -18,6 +18,7 @@ from touchstone.adapters.material_combine import (
     restitutions,
 )
 from touchstone.adapters.registry import ENGINES
+from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
@@ -172,6 +173,14 @@ def test_a_crowd_of_hundreds_is_solved_at_once():
     wanted = {(a, b): factors[a] * factors[b] for b in range(len(factors)) for a in range(b)}
     found = product_factors("test", "restitution", many, wanted)
     assert found == pytest.approx(factors.tolist(), rel=1e-10)
+
+
+def test_a_factor_is_within_what_an_engine_accepts():
+    """Rounding takes none of a scene of six restitutions beyond 1; one that has to be is refused."""
+    scene, steep = catalogue()["normal_impacts"], crowd("abc", ab=0.9, ac=0.9, bc=0.5)
+    assert max(product_factors("test", "restitution", scene, restitutions(scene), greatest=1.0)) == 1.0
+    with pytest.raises(Unsupported, match=r"^test: restitution of 'p' would be 1.27\d+, beyond 1$"):
+        product_factors("test", "restitution", steep, restitutions(steep), greatest=1.0)
 
 
 def test_means_and_maxima_have_factors_or_are_refused():

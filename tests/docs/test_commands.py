@@ -228,3 +228,31 @@ def test_an_answer_quotes_what_its_command_measures(question, tmp_path):
     rows = rows[rows.profile.isin(["balanced", "recommended"])]
     found = rows.value.abs().groupby(rows.engine).max()[["reference", "dart", "bullet", "mujoco"]]
     assert found.tolist() == pytest.approx(stated, rel=0.15, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.engines
+@pytest.mark.timeout(LONGEST)
+@pytest.mark.parametrize("question", ["Is it deterministic?", "Why does a policy fail in another simulator?"])
+def test_an_answer_quotes_what_its_command_prints(question, home):
+    """Each of its figures with its unit or word."""
+    lines = (ROOT / "docs" / "answers.md").read_text("utf-8").splitlines()
+    (line,) = [line for line in lines if line.startswith(f"| {question} ")]
+    words, answer = re.search(r"`touchstone ([^`]*)` \| (.*)", line).groups()
+    figures = re.findall(r"\d[\d.]* (?:mm|s|worse|gone|changed|better)\b", answer)
+    assert len(figures) > 2
+    printed = play(home, shlex.split(words)).stdout
+    assert [figure for figure in figures if figure not in printed] == []
+
+
+def test_the_answer_of_tosses_is_that_of_its_page():
+    """Widths from where the cube came to rest, of the four engines, as the run of all tosses printed them."""
+    answers, page = (
+        (ROOT / "docs" / name).read_text("utf-8") for name in ("answers.md", "generated/reality-tosses.md")
+    )
+    quoted = re.search(r"a tossed cube rests (.*) widths", answers)[1]
+    rows = re.findall(r"^ (reference|dart|bullet|mujoco) \w+ +(.*)$", page, re.MULTILINE)
+    rest = {engine: float(cells.split()[6]) for engine, cells in rows}
+    assert [float(one) for one in re.split(", | and ", quoted)] == pytest.approx(
+        list(rest.values()), abs=0.005
+    )

@@ -141,7 +141,7 @@ class World:
         asked = {"restitution": restitutions(scenario), "friction": frictions(scenario)}
         for kind, wanted in asked.items():
             check_range("dart", kind, scenario, wanted, least=COEFFICIENT_MIN)
-        restitution = product_factors("dart", "restitution", scenario, asked["restitution"])
+        restitution = product_factors("dart", "restitution", scenario, asked["restitution"], greatest=1.0)
         friction = minimum_factors("dart", "friction", scenario, asked["friction"])
         self._posed = posed_of(scenario, settings) + moving_surfaces("dart", scenario, settings)
         self._moment, self._coupled = 0, coupled(scenario, settings)

@@ -16,7 +16,7 @@ from touchstone.adapters.contract import AdapterError, Array, Engine, Settings
 from touchstone.adapters.recorder import record
 from touchstone.reports.studies.tosses.measured import BEFORE_CONTACT, STILL, Box, Toss
 from touchstone.scenarios.scenario import GRAVITY, PairCoefficients, Scenario, vector
-from touchstone.scenarios.solids import block, slab
+from touchstone.scenarios.solids import block
 
 OUTLIER = 4.0
 """Deviation from a flight, over the noise of tracking, from which on a sample is not part of it [1]."""
@@ -177,7 +177,7 @@ EVALUATIONS = 16
 NEAR_RESTITUTIONS = (0.0, 0.1, 0.2, 0.3, 0.4)
 NEAR_FRICTIONS = (0.6, 0.75, 0.9, 1.0, 1.1, 1.3, 1.6)
 """Cells of which each toss may choose its own: e, and mu over the best one [1]."""
-TOGETHER = 25
+TOGETHER = 50
 """Boxes of one scene [1]: in the same time as one each, engines play many."""
 LANE = 3.5
 """Distance between them [m]: with the least friction they slide one metre."""
@@ -256,8 +256,10 @@ class Identification:
     floor: bool = False
 
     def play(self, engine: Engine) -> Identified:
-        """Search in this process: the lattice, then downhill from its best cell (Nelder & Mead)."""
-        start = min(product(RESTITUTIONS, FRICTIONS), key=lambda cell: self.distance(engine, cell))
+        """Search in this process: the lattice on every second toss, then downhill from its best cell on all
+        (Nelder & Mead)."""
+        few = replace(self, training=self.training[::2])
+        start = min(product(RESTITUTIONS, FRICTIONS), key=lambda cell: few.distance(engine, cell))
         e, mu = start[0], log(start[1])
         side, factor = RESTITUTIONS[1] / 2, log(FRICTIONS[1] / FRICTIONS[0]) / 2
         simplex = ((e, mu), (e + side, mu), (e, mu - factor))
@@ -352,7 +354,7 @@ def _at(times: Array, played: Array, position: Array, orientation: Rotation) -> 
 def scene(table: Table, starts: Sequence[State], cell: Cell, frames: int) -> Scenario:
     """The boxes at their starts over the table, far apart."""
     (e, mu), box = cell, table.box
-    boxes = []
+    boxes, reach = [], LANE * ceil(len(starts) ** 0.5)
     for k, (start, lane) in enumerate(zip(starts, _lanes(len(starts)))):
         body = block(
             f"toss_{k}", "box", box.half_extents, box.mass,
@@ -366,7 +368,7 @@ def scene(table: Table, starts: Sequence[State], cell: Cell, frames: int) -> Sce
         name="tosses",
         summary="measured tosses of a box",
         tags=("measured",),
-        bodies=(slab("table", "table"), *boxes),
+        bodies=(block("table", "table", (reach, reach, 0.5), 0.0, (0.0, 0.0, -0.5), kind="fixed"), *boxes),
         duration=frames / table.rate,
         coefficients=(PairCoefficients("table", "box", e, mu), PairCoefficients("box", "box", e, mu)),
         frame_rate=table.rate,

@@ -10,8 +10,11 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import accumulate
 from math import ceil, nan
 from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+from time import monotonic
 
 import numpy as np
 import pandas as pd
@@ -28,7 +31,8 @@ from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import page
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.runner.tasks import played
+from touchstone.reports.runner.request import EVERY_ENGINE
+from touchstone.reports.runner.tasks import PROCESSES, played
 from touchstone.reports.studies.study import (
     Column,
     RefusedError,
@@ -60,60 +64,80 @@ from touchstone.reports.views.tables import number
 
 PANELS = (
     ("tosses.position", "error of position [widths]", 1.0),
-    ("tosses.rotation", "error of rotation [deg]", 180 / np.pi),
+    ("tosses.rotation", "error of rotation [degrees]", 180 / np.pi),
 )
 """Metric, label and factor of a panel."""
 BAND = "#d9e6f2"
 OWN = ", start within its error"
 """Ending of the profile under which an engine is compared with itself from another start."""
+APART, BARS = 0.055, 0.015
+"""Smallest distance of two names, and distance of the bars of quartiles, over the size of a panel [1]."""
 
 
 def errors_picture(frame: pd.DataFrame, path: Path) -> None:
-    """Draw medians over the judged tosses, with quartiles; the floor; what an error of the start makes of the
-    reference; and the noise of tracking."""
-    with figure(path, 10.5, 5.0, 10) as drawn:
+    """Draw medians over the judged tosses, quartiles at rest; the floor; what an error of the start makes of
+    the reference; and the noise of tracking."""
+    with figure(path, 12, 5.2, 11) as drawn:
         for axes, (metric, label, factor) in zip(drawn.subplots(1, 2), PANELS):
             _panel(axes, frame[frame.metric == metric], factor)
             axes.set_ylabel(label, color=INK)
             axes.set_xlabel("time after the first impact [s]", color=INK)
-        handles, labels = axes.get_legend_handles_labels()
-        drawn.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
         headline(drawn, "Measured tosses: how far each engine is from what happened")
-        note = (
-            "line: median over the judged tosses    shade: quartiles    e and mu identified on other tosses"
-        )
-        drawn.text(0.01, 1 - 0.36 / drawn.get_figheight(), note, color=PALE, fontsize=9, va="top")
+        note = "median over tosses that identified neither e nor mu; bars: quartiles at rest"
+        drawn.text(0.01, 1 - 0.36 / drawn.get_figheight(), note, color=PALE, fontsize=10, va="top")
 
 
 def _panel(axes: Axes, rows: pd.DataFrame, factor: float) -> None:
     noise = factor * float(rows[rows.engine == "tracking"].value.iloc[0])
-    axes.axhspan(noise / 3, noise, color=BAND, label="noise of tracking", zorder=0)
+    axes.axhspan(noise / 3, noise, color=BAND, zorder=0)
+    said = [("noise of tracking", noise, PALE, -14)]
+    ends: dict[str, float] = {}
     for names, part in rows[rows.subject != ""].groupby(["engine", "profile"], sort=False):
         engine, profile = map(str, names)
         time = part.subject.str.removesuffix(" s").astype(float).to_numpy()
         low, value, high = (factor * part[name].to_numpy(dtype=float) for name in ("low", "value", "high"))
         if engine == "floor":
-            axes.plot(
-                time, value, "--", color=INK, linewidth=1.5, label="reference, own e and mu for each toss"
-            )
+            axes.plot(time, value, "--", color=INK, linewidth=2)
+            said.append(("best e and mu of each toss", value[-1], INK, -44))
         elif profile.endswith(OWN):
             if engine == "reference":
-                axes.plot(time, value, ":", color=PALE, linewidth=2, label=f"reference{OWN}")
+                axes.plot(time, value, ":", color=PALE, linewidth=2)
+                said.append(("reference, start off by its error", value[-1], PALE, 6))
         else:
-            color, name = color_of(engine), f"{engine} {profile}"
-            axes.plot(time, value, color=color, linewidth=1.9, label=name, zorder=3)
-            axes.fill_between(time, low, high, color=color, alpha=0.08, linewidth=0)
+            axes.plot(time, value, color=color_of(engine), linewidth=2.4, zorder=3)
+            ends[engine] = value[-1]
+            x = 1 + BARS * len(ends)
+            axes.plot(
+                (x, x), (low[-1], high[-1]), color=color_of(engine), transform=axes.get_yaxis_transform(),
+                linewidth=4, alpha=0.4, solid_capstyle="butt", clip_on=False,
+            )  # fmt: skip
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
     axes.set_xlim(time[0], time[-1])
     axes.set_ylim(noise / 3, None)
     axes.axvline(0, color=PALE, linewidth=0.8)
-    open_axes(axes, "y")
+    open_axes(axes, "y", 10)
+    for name, height, color, points in said:
+        axes.annotate(
+            name, (time[-1], height), (-4, points), textcoords="offset points", ha="right", color=color
+        )  # fmt: skip
+    # names beside the ends of their lines, apart from one another
+    heights = [
+        float((axes.transScale + axes.transLimits).transform((0.0, end))[1]) for end in sorted(ends.values())
+    ]
+    placed = list(accumulate(heights, lambda last, height: max(height, last + APART)))
+    for engine, height in zip(sorted(ends, key=ends.__getitem__), placed):
+        axes.text(
+            1 + BARS * (1.5 + len(ends)), height - np.mean(placed) + np.mean(heights), engine,
+            color=color_of(engine), transform=axes.transAxes, va="center",
+        )  # fmt: skip
 
 
 STUDY, TOSSES, PICTURE = "reality tosses", "tosses", "tosses.png"
 POSITION, ROTATION, IMPACT = f"{TOSSES}.position", f"{TOSSES}.rotation", f"{TOSSES}.impact"
 FACE, CORNERS = f"{TOSSES}.face", f"{TOSSES}.corners"
+TIMES = (f"{TOSSES}.wall", f"{TOSSES}.processor")
+"""Time that all engines take together, and that of their processes [s]."""
 REFERENCE: Column = ("reference", "balanced")
 """Column whose floor is measured."""
 FLOOR, TRACKING = "floor", "tracking"
@@ -140,13 +164,17 @@ def run(
     table, flown, rows = prepared(box, tosses)
     training, judged = flown[::2], flown[1::2]
     if not judged:
-        raise RefusedError(f"{len(flown)} tosses with a flight and an impact, expected 2 or more")
+        raise RefusedError(f"tosses with a flight and an impact: {len(flown)}, expected 2 or more")
     asked = [
         Identification(one[0], settings(one, table.rate), table, training, judged, floor=one == REFERENCE)
         for one in tasks(columns)
     ]
     with output_folder(out) as folder:
+        began = monotonic(), getrusage(RUSAGE_CHILDREN).ru_utime
         found = played(play, asked, folder / "output", progress)
+        taken = monotonic() - began[0], getrusage(RUSAGE_CHILDREN).ru_utime - began[1]
+        base = Row(STUDY, TOSSES, EVERY_ENGINE, "", nan, "run")
+        rows += [replace(base, metric=name, value=value, unit="s") for name, value in zip(TIMES, taken)]
         for task, one in zip(asked, found):
             rows += rows_of_task(task, one)
         facts = {
@@ -278,7 +306,12 @@ def report(frame: pd.DataFrame) -> list[Part]:
         found = [factor * values.get((*key, metric, at), nan) for key, metric, at, factor in wanted]
         if not np.isnan(found).all():
             rows.append([" ".join(column), *("" if one != one else number(one) for one in found)])
-    return [Part("Against measurements", HEADS, rows, NOTES, picture=PICTURE), failures(frame)]
+    engines = {engine for engine, *_ in values if engine in ENGINES}
+    wall, own = (values.get((EVERY_ENGINE, "", name, ""), nan) for name in TIMES)
+    took = (
+        f"{len(engines)} engines took {wall:.0f} s, {own:.0f} s of processor time in {PROCESSES} processes."
+    )
+    return [Part("Against measurements", HEADS, rows, (*NOTES, took), picture=PICTURE), failures(frame)]
 
 
 def text(frame: pd.DataFrame, path: Path) -> None:

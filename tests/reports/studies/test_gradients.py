@@ -74,5 +74,6 @@ def test_a_wrong_derivative_fails_and_is_drawn(tmp_path):
     assert "d stop / d v" in shown
     assert "1e-09 1e-09 1e-09" in shown
     assert "it broke" in shown
+    assert "largest of the 3 judged: 2e-05" in shown
     errors_picture(frame, tmp_path / "gradients.png")
     assert (tmp_path / "gradients.png").stat().st_size > 5000
