@@ -312,6 +312,9 @@ def knobs(engine: EngineOption = None, jobs: JobsOption = None, store: StoreOpti
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies import knobs as module
 
+    if "reference" in (engine or ()):
+        text = "study knobs: varies other engines; the reference's settings: touchstone study ablation"
+        stop(text, BAD_INPUT)
     engines = [name for name in engines_named(engine or ENGINES) if name != "reference"]
     steps = sum(len(module.cells_of(name)) for name in engines)
     return StudyRequest(steps, partial(module.run, engines, store, jobs=jobs), module.report, store)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import is_dataclass
 from functools import cache
 from pathlib import Path
@@ -111,6 +111,7 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
         SceneFileError: the file is not valid; names all faults at once, each with its line.
     """
     data, faults, message_of = data_of_file(path, model_of(Scenario))
+    misspelt = {place[:-1] for place, _ in faults}
     if data:
         data = {"name": path.stem, "summary": "", "tags": (), **data}
         if not NAME.fullmatch(data["name"]):
@@ -130,10 +131,21 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
             # A check of what took the place of a body's inertia or a tracker's file says nothing.
             doubtful = {place[:2] for place, _ in own}
             more = [(placed(where), text) for where, text in error.faults]
-            faults += [one for one in more if one[0][:2] not in doubtful]
+            faults += [
+                one for one in more if one[0][:2] not in doubtful and not _misspelt(one[0], misspelt, data)
+            ]
     if faults:
         raise SceneFileError(message_of(faults))
     return scenario
+
+
+def _misspelt(place: Place, unknown: Collection[Place], data: Any) -> bool:
+    """Whether a fault is of a field that is absent beside an unknown one, which may be meant for it."""
+    if place[:-1] not in unknown:
+        return False
+    for key in place[:-1]:
+        data = data[key]
+    return place[-1] not in data
 
 
 def _weighed(body: dict[str, Any], place: Place) -> list[Fault]:

@@ -97,6 +97,7 @@ WRONG = [
         "no engine of reference has the profile maximal",
     ),
     ("study calibration --out full", "--out full: exists and is not an empty folder"),
+    ("study knobs --engine reference", "study knobs: varies other engines; the reference's settings: "),
     ("--engien dart", "No such option: --engien"),
     ("rnu", "No such command 'rnu'. Did you mean 'run'? (see touchstone --help)"),
     ("study ikk", "No such command 'ikk'. Did you mean 'ik'? (see touchstone study --help)"),

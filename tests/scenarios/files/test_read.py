@@ -106,6 +106,12 @@ def test_all_faults_are_told_at_once(scene):
     ]
 
 
+def test_a_misspelt_field_is_one_fault(scene):
+    """A mass that is called otherwise is no mass of zero, nor an inertia of zero."""
+    (found,) = scene(SOUND.replace("mass =", "mas ="))
+    assert "did you mean 'mass'" in found
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
