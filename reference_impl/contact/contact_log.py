@@ -26,11 +26,7 @@ def log_contact(contacts, state, pair, point, time):
 
 @kernel
 def close_row(bodies, pair, contact, p):
-    """Complete a row of the contact log with its impulse p and the surface velocities after it.
-
-    In an island with a driver, these are the velocities whose mean with those before covers the way of the
-    substep: p times the mean is then the work.
-    """
+    """Complete a row of the contact log with its impulse p and the surface velocities after it."""
     copy_vector(p, contact["impulse"])
     _surface_after(bodies[pair["body_a"]], pair["lever_a"], pair["surface_a"], contact["velocity_a_after"])
     _surface_after(bodies[pair["body_b"]], pair["lever_b"], pair["surface_b"], contact["velocity_b_after"])
@@ -38,18 +34,18 @@ def close_row(bodies, pair, contact, p):
 
 @kernel
 def _surface_after(body, point, motion, out_velocity):
-    if body["led"] == 0:
-        surface_velocity(body, point, out_velocity)
-    else:
-        x, y, z = point_velocity(body["path_velocity"], body["path_omega"], body["center"], point)
-        out_velocity[0], out_velocity[1], out_velocity[2] = x, y, z
+    surface_velocity(body, point, out_velocity)
     for i in range(3):
         out_velocity[i] += motion[i]
 
 
 @kernel
 def log_held(bodies, pairs, count, contacts, state, time):
-    """Log the nonzero impulses of the rows `pairs[:count]`."""
+    """Log the nonzero impulses of the rows `pairs[:count]`.
+
+    In an island with a driver, the velocities are those at the middle of the substep whose mean covers its
+    way: the impulse times the mean is then the work.
+    """
     for k in range(count):
         pair = pairs[k]
         p = pair["resting_impulse"]
@@ -64,6 +60,23 @@ def log_held(bodies, pairs, count, contacts, state, time):
                 _add_bias(bodies, pair, contacts[row])
                 if state["moving_surfaces"] == 1:
                     _extrapolate_surfaces(bodies, pair, contacts[row])
+            else:
+                contact, a, b = contacts[row], bodies[pair["body_a"]], bodies[pair["body_b"]]
+                before, after = contact["velocity_a_before"], contact["velocity_a_after"]
+                _cover_way(a, pair["lever_a"], pair["surface_a"], before, after)
+                before, after = contact["velocity_b_before"], contact["velocity_b_after"]
+                _cover_way(b, pair["lever_b"], pair["surface_b"], before, after)
+
+
+@kernel
+def _cover_way(body, point, motion, before, after):
+    """Set the velocities of a led body's surface at the start of a substep, and those at its end which cover
+    its way, both at its middle."""
+    if body["led"] == 1:
+        x, y, z = point_velocity(body["old_velocity"], body["old_omega"], body["center"], point)
+        before[0], before[1], before[2] = x + motion[0], y + motion[1], z + motion[2]
+        x, y, z = point_velocity(body["path_velocity"], body["path_omega"], body["center"], point)
+        after[0], after[1], after[2] = x + motion[0], y + motion[1], z + motion[2]
 
 
 @kernel

@@ -51,8 +51,8 @@ from touchstone.reference_impl.solver.mobility import approach_speed, place_surf
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
 VELOCITY_LEAD = 1 / 16
-"""Lead of the law of velocities in rows with a driver [1]: enough for a mobility where its spring has no
-velocity left at the end of a substep. Relative speed falls to that share in a substep."""
+"""Least lead of the law of velocities in rows with a driver [1]: enough for a mobility where its spring has
+little velocity left at the end of a substep. Relative speed falls to that share in a substep."""
 SEPARATION_MIN = 1e-8
 """Speed of a touching pair that is no separation [m/s]: a weight of 10 N does 1e-9 J of work per frame."""
 STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6

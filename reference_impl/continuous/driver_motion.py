@@ -15,9 +15,10 @@ moves by f / K within it, but has no velocity at its end. Rows with a driver the
 
 For a simulated body q is its velocity after the impulse plus lead times that before it: it keeps its mass. A
 driver's inverse mass is (1 - lead) H / h + 2 lead G / h^2, with G and H its displacement and velocity per
-force. At rest u = 0 and q = 0 say the same, so static forces are exact. A second solve with lead = 1, the law
-of positions, gives the displacements: what touches stays in touch, while its impulses change no velocity
-(stabilisation by a second multiplier: Gear, Leimkuhler & Gupta 1985).
+force; its lead grows with the share of H that the coupling takes away. At rest u = 0 and q = 0 say the same,
+so static forces are exact. A second solve with lead = 1, the law of positions, gives the displacements: what
+touches stays in touch, while its impulses change no velocity (stabilisation by a second multiplier: Gear,
+Leimkuhler & Gupta 1985).
 """
 
 from math import sqrt
@@ -46,6 +47,11 @@ from touchstone.reference_impl.core.rotation import (
     turn,
 )
 from touchstone.reference_impl.kinematics.skeleton import link_of, move_links, pose_links
+
+STIFF_LEAD = 0.25
+"""Lead of the law of velocities for a coupling that is much faster than the substep [1]. Where a surface
+moves under it with a speed v, its force is wrong by about K h v over the lead; relative speed falls to that
+share in a substep."""
 
 
 @kernel
@@ -83,8 +89,10 @@ def begin_driver(joints, driver):
 @kernel
 def coast(bodies, joints, driver, h, lead, dt):
     """Set a driver's velocities after a time h without contact forces, its mobility over h, and its links'
-    `lead_*`, q - u(h); its pose stays at the start of the substep. `lead` is 1 in the law of positions."""
+    `lead_*`, q - u(h); its pose stays at the start of the substep. `lead` is 1 in the law of positions, and
+    the least one in that of velocities."""
     if lead < 1:
+        lead = driver["lead"] = max(lead, _stiff_lead(driver, h))
         driver["shift_push"][:] = driver["shift_twist"][:] = 0.0
     driver["push"][:] = driver["twist"][:] = 0.0
     clear_twists(joints, driver, lead < 1)
@@ -122,6 +130,19 @@ def coast(bodies, joints, driver, h, lead, dt):
         turned_by, spin = hinge_response(driver, h)
         driver["hinge_share"] = (1 - lead) * spin / h + 2 * lead * turned_by / (h * h)
         ask_limits(joints, driver, lead, h)
+
+
+@kernel
+def _stiff_lead(driver, h):
+    """Lead of a driver over a substep of length h [1]: STIFF_LEAD of the share of its velocity per force that
+    its coupling, or the servo of its hinges, takes away."""
+    if driver["prescribed"] == 1:
+        return 0.0
+    _, speed = unit_response(driver["stiffness"] / driver["mass"], _damping(driver, h), h)
+    if driver["hinge_count"] > 0:
+        _, spin = hinge_response(driver, h)
+        speed = min(speed, spin)
+    return STIFF_LEAD * min(1 - speed / h, 1.0)
 
 
 @kernel

@@ -110,6 +110,7 @@ DRIVER = record(
     chains=("i8", (CHAIN_CAPACITY, 2)),  # first and last joint of each, root to tip
     order=("i8", (CHAIN_CAPACITY,)),  # order of chain overlap removal in this frame
     mass="f8",
+    lead="f8",  # of the law of velocities over the substep [1]
     inverse_mass="f8",  # in contacts; zero if it has chains and does not move in the simulated loop
     stiffness="f8",
     damping="f8",

@@ -130,7 +130,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
         if pair["slides"] == 1 and state["lead"] < 1:
             oppose_mean_slip(row)
         if led or (held and state["lead"] == 1):
-            _add_lead(bodies, drivers, pair, state["lead"], u)
+            _add_lead(bodies, drivers, pair, _lead_of(bodies, drivers, pair, state), u)
         contact_mobility(bodies, drivers, pair, row["mobility"])
         if row["link_a"] >= 0 or row["link_b"] >= 0:
             _add_links(solver, row)
@@ -281,6 +281,17 @@ def _is_led(bodies, drivers, b, state):
     if state["lead"] == 0 or not leads(bodies, drivers, b):
         return False
     return state["lead"] == 1 or drivers[bodies[b]["driver"]]["prescribed"] == 0
+
+
+@kernel
+def _lead_of(bodies, drivers, pair, state):
+    """Lead of a row: 1 in the law of positions, else the larger one of its drivers."""
+    lead = state["lead"]
+    for side in range(2):
+        b = pair["body_b"] if side else pair["body_a"]
+        if lead < 1 and _is_led(bodies, drivers, b, state):
+            lead = max(lead, drivers[bodies[b]["driver"]]["lead"])
+    return lead
 
 
 @kernel

@@ -106,10 +106,18 @@ def test_what_drivers_meet_gains_no_more_than_their_work(kind: str, first: int) 
     assert broken(played("balanced", range(first, first + count), kind=kind)) == []
 
 
+@pytest.mark.parametrize("seed", [60000071, 60000376, 60000510, 60000808])
+def test_light_stiff_plates_hold_what_turns_between_them(seed: int) -> None:
+    """Plates whose coupling is faster than a substep press and bounce on ellipsoids: their force follows the
+    surface that turns, and their work is that of the way. Before, they let go for some frames (seed 60000510)
+    and pressed while they were apart (60000071)."""
+    assert broken(played("balanced", range(seed, seed + 1), kind="grip")) == []
+
+
 @pytest.mark.parametrize("seed", [97000362, 4411025])
 def test_limbs_do_not_pass_through_each_other(seed: int) -> None:
-    """Overlap removal turns limbs far: before their way was swept, it took a foot through the other foot and a
-    hand through a thigh in a frame."""
+    """Overlap removal turns limbs far: before their way was swept, it took a foot through the other foot and
+    a hand through a thigh in a frame."""
     assert broken(played("balanced", range(seed, seed + 1), kind="person")) == []
 
 
