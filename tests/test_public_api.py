@@ -72,7 +72,7 @@ def test_a_compilation_is_told(monkeypatch, capsys, name, engine, told):
     assert capsys.readouterr().err == f"{said}\n" * (told or name == "work_precision")
 
 
-@pytest.mark.parametrize("way", ["standard input", "script"])
+@pytest.mark.parametrize("way", [pytest.param("standard input", marks=pytest.mark.slow), "script"])
 def test_a_run_needs_no_guard_and_no_free_names(tmp_path: Path, way: str):
     """A script without a `__main__` guard runs in a folder that has packages called like ours."""
     for name in ("adapters", "reports", "scenarios", "reference_impl"):

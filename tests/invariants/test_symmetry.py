@@ -123,7 +123,7 @@ def test_a_break_does_not_know_the_order_of_its_balls(registry, profile: str) ->
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_heap_does_not_know_the_order_of_its_bodies(registry, profile: str) -> None:
-    """Let fourteen bodies fall on each other in four orders: they rest at the same places, to the bit."""
+    """Let fourteen bodies fall on each other in three orders: they rest at the same places, to the bit."""
     rng = np.random.default_rng(14)
     places = scattered(rng, 14, 0.05, 2, 0.02)
     bodies = [
@@ -133,7 +133,7 @@ def test_a_heap_does_not_know_the_order_of_its_bodies(registry, profile: str) ->
     coefficients = (PairCoefficients("wood", "wood", 0.2, 0.5),)
     scene = Scenario("heap", "a test", (), (slab("floor", "wood"), *bodies), 1.0, coefficients)
     own = ends(registry, scene, profile)
-    for seed in range(4):
+    for seed in range(2):
         order = np.random.default_rng(seed).permutation(len(scene.bodies)).tolist()
         assert farthest(own, ends(registry, permuted(scene, order), profile)) == 0
 
