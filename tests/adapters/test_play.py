@@ -64,6 +64,7 @@ def test_unknown_names_are_refused(lab):
         play(scenario, (("reference", "maximal"),))
 
 
+@pytest.mark.slow
 def test_the_reference_plays_as_in_this_process(lab, registry):
     """Play two profiles of the reference and find what `record` finds, to the bit."""
     scenario = lab.scene(lab.ball(), lab.ground(), e=0.5, duration=0.5)

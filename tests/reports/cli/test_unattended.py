@@ -133,7 +133,7 @@ def test_a_reader_that_stops_and_a_full_output_have_their_codes():
 @pytest.mark.parametrize(
     ("redirected", "code", "said"),
     [
-        ("2>&1 | true", 141, ""),
+        pytest.param("2>&1 | true", 141, "", marks=pytest.mark.slow),
         ("> /dev/full", 2, "touchstone: standard output: No space left on device"),
     ],
 )

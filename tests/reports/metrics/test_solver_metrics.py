@@ -209,16 +209,14 @@ def test_a_bit_changes_the_hash(recording):
 
 
 @pytest.mark.spawned
-def test_fresh_processes_and_their_number_do_not_change_the_hash(recording, tmp_path):
-    """One process or two, whatever they played before: the same hash as in this process."""
+def test_fresh_processes_do_not_change_the_hash(recording, tmp_path):
+    """Two processes, whatever they played before: the same hash as in this process."""
     others = [
         hard_cell(f"hard_{name}", "reference", "balanced", 1 / 60) for name in ("mass_stack_1", "wedge_90")
     ]
     cell = hard_cell(SCENE, "reference", "balanced", 1 / 60)
-    for number, cells in enumerate(([cell], [others[0], others[1], cell])):
-        folder = tmp_path / str(number)
-        played = play_all(cells, folder, lambda label, count: None, jobs=number + 1)
-        assert played[cell].state_hash == state_hash(recording)
+    played = play_all([*others, cell], tmp_path / "runs", lambda label, count: None, jobs=2)
+    assert played[cell].state_hash == state_hash(recording)
 
 
 def test_the_metric_holds_the_digits(recording):
