@@ -70,8 +70,8 @@ def log_held(bodies, pairs, count, contacts, state, time):
 
 @kernel
 def _cover_way(body, point, motion, before, after):
-    """Set the velocities of a led body's surface at the start of a substep, and those at its end which cover
-    its way, both at its middle."""
+    """Set the surface velocities of a body in an island with a driver at the start of a substep, and those at
+    its end whose mean with them covers the way, both at the contact point of its middle."""
     if body["led"] == 1:
         x, y, z = point_velocity(body["old_velocity"], body["old_omega"], body["center"], point)
         before[0], before[1], before[2] = x + motion[0], y + motion[1], z + motion[2]

@@ -19,8 +19,8 @@ from touchstone.reference_impl.geometry.contact_manifold import is_polyhedral
 CLOSING_EXTRA = 8
 """Most steps of the search for a time of impact after its slack is reached."""
 CLOSING_SHARE = 1e-3
-"""Share of the slack at which the search for a time of impact ends [1]: in whatever way it searches, it finds
-the same time."""
+"""Share of the slack at which the search for a time of impact ends [1]: both ways of searching then find
+nearly the same time."""
 IMPACT_STEPS = 90
 """Bracketing steps for the time of an impact; about 6 are usual."""
 SECANT_STEPS = 60

@@ -57,8 +57,8 @@ def sweep_drivers(world):
 
 @kernel
 def stop_deep(world, d):
-    """Move driver d back towards its last free pose, to where a link first goes deep into a fixed body, or
-    another of its links, on its way to the current pose, which is stored as the pose at entry; poses links.
+    """Move driver d back towards its last free pose, to where a link first goes deep into a fixed body or
+    another of its links. The current pose is stored as the pose at entry; poses the links.
 
     With d = -1, move back the two drivers that first go deep into each other if all move together.
     Prescribed ones go on. DETECTION_FAST needs the paths that `is_far` bounds.

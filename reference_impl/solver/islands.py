@@ -122,15 +122,14 @@ def load_island(bodies, joints, drivers, pairs, head, state):
             row["before"][i] = pair["before_b"][i] - pair["before_a"][i]
             u[i] += pair["bias"][i]
         # a prescribed body needs no lead for its mobility
-        led = _is_led(bodies, drivers, pair["body_a"], state) or _is_led(
-            bodies, drivers, pair["body_b"], state
-        )
+        lead = _lead_on(bodies, drivers, pair["body_a"], state)
+        lead = max(lead, _lead_on(bodies, drivers, pair["body_b"], state))
         held = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
-        solver["led"] = 1 if led or held else solver["led"]
+        solver["led"] = 1 if lead > 0 or held else solver["led"]
         if pair["slides"] == 1 and state["lead"] < 1:
             oppose_mean_slip(row)
-        if led or (held and state["lead"] == 1):
-            _add_lead(bodies, drivers, pair, _lead_of(bodies, drivers, pair, state), u)
+        if lead > 0 or (held and state["lead"] == 1):
+            _add_lead(bodies, drivers, pair, max(lead, state["lead"]), u)
         contact_mobility(bodies, drivers, pair, row["mobility"])
         if row["link_a"] >= 0 or row["link_b"] >= 0:
             _add_links(solver, row)
@@ -275,23 +274,16 @@ def leads(bodies, drivers, b):
 
 
 @kernel
-def _is_led(bodies, drivers, b, state):
-    """Whether rows of body b ask the law of a lead: links of drivers that lead, and prescribed bodies in the
-    law of positions alone."""
+def _lead_on(bodies, drivers, b, state):
+    """Lead that body b asks of its rows [1]: 1 in the law of positions, that of its driver in the law of
+    velocities; 0 in impacts, and for bodies whose contacts follow no driver. Prescribed ones ask none of
+    velocities."""
     if state["lead"] == 0 or not leads(bodies, drivers, b):
-        return False
-    return state["lead"] == 1 or drivers[bodies[b]["driver"]]["prescribed"] == 0
-
-
-@kernel
-def _lead_of(bodies, drivers, pair, state):
-    """Lead of a row: 1 in the law of positions, else the larger one of its drivers."""
-    lead = state["lead"]
-    for side in range(2):
-        b = pair["body_b"] if side else pair["body_a"]
-        if lead < 1 and _is_led(bodies, drivers, b, state):
-            lead = max(lead, drivers[bodies[b]["driver"]]["lead"])
-    return lead
+        return 0.0
+    driver = drivers[bodies[b]["driver"]]
+    if state["lead"] == 1:
+        return 1.0
+    return driver["lead"] if driver["prescribed"] == 0 else 0.0
 
 
 @kernel
