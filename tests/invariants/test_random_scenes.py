@@ -28,8 +28,8 @@ from touchstone.scenarios.solids import slab
 
 FRAME = 1 / 60
 PROFILES = ("balanced", "accurate")
-QUICK_SCENES, SLOW_SCENES, PART = 70, 5000, 500
-"""Seeds per profile: in every run of the tests, where some 70 scenes have few bodies, and in the slow ones,
+QUICK_SCENES, SLOW_SCENES, PART = 60, 5000, 500
+"""Seeds per profile: in every run of the tests, where some 60 scenes have few bodies, and in the slow ones,
 which play them in parts."""
 QUICK_PART = 30
 """Seeds that end in the same class, residuals included, if they start 1e-16 m apart."""

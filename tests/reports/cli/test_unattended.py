@@ -129,11 +129,12 @@ def test_a_reader_that_stops_and_a_full_output_have_their_codes():
     assert (done.returncode, done.stderr) == (2, "touchstone: standard output: No space left on device\n")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
 @pytest.mark.parametrize(
     ("redirected", "code", "said"),
     [
-        pytest.param("2>&1 | true", 141, "", marks=pytest.mark.slow),
+        ("2>&1 | true", 141, ""),
         ("> /dev/full", 2, "touchstone: standard output: No space left on device"),
     ],
 )

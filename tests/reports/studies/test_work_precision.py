@@ -296,6 +296,7 @@ def test_fronts_name_the_point_that_is_not_dominated():
     assert found["where"]["bullet"] == "bullet"
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_and_repeat(tmp_path, monkeypatch):
     """SVG and PNG; more scenes than fit make further files, and equal data equal files."""
     monkeypatch.setattr("touchstone.reports.studies.work_precision.study.MOST_ROWS", 1)
