@@ -301,7 +301,8 @@ class World(Protocol):
 
 
 class Engine(Protocol):
-    """An engine. `profiles` maps each profile's name to its native step [s], as in the registry."""
+    """An engine. `profiles` maps each profile's name to its native step [s], as in the registry. One that has
+    joints between bodies sets `plays_body_joints`."""
 
     name: ClassVar[str]
     profiles: ClassVar[Mapping[str, float]]

@@ -10,7 +10,7 @@ from touchstone.adapters.vector_products import turned, turned_back
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.plan import Plan
-from touchstone.scenarios.scenario import UNMOVED, Piece, Scenario, Tracker
+from touchstone.scenarios.scenario import UNMOVED, BodyJoint, Piece, Scenario, Tracker
 
 SPEED_MAX = 1e6
 """Speed [m/s] beyond which a run has diverged: 16 km per frame, in scenes that measure metres and last
@@ -55,6 +55,7 @@ class Watch:
         self._top = self._potential(start)
         # A body hit by a wall of speed u leaves with up to 2 u.
         paid = self._mass.sum() * (UNSEEN**2 + (2 * drive_speed) ** 2) / 2
+        paid += sum(largest_work(joint, scenario.duration) for joint in scenario.body_joints)
         self._paid = paid + float(self._kinetic(start).sum())
         self._fall = 0.0
 
@@ -152,6 +153,14 @@ def _surface_speed(piece: Piece) -> float:
     return float(np.linalg.norm(piece.surface_velocity)) + extent(piece) * float(
         np.linalg.norm(piece.surface_angular_velocity)
     )
+
+
+def largest_work(joint: BodyJoint, duration: float) -> float:
+    """Upper bound on what the spring of a joint releases, k target^2 / 2, and on the work of its motor, whose
+    power c (rate - dq/dt) dq/dt is at most c rate^2 / 4, and the largest force times the rate [J]."""
+    rate = abs(joint.target_rate)
+    power = min(joint.damping * rate**2 / 4, joint.largest_force * rate)
+    return joint.stiffness * joint.target**2 / 2 + power * duration
 
 
 def _drive_speed(scenario: Scenario, tracker: Tracker) -> float:

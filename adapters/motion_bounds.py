@@ -4,10 +4,10 @@ Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION o
 another person comes near, or they start deep in fixed pieces; links of a chain stay in a ball about the
 chain's root. A simulated body without contacts flies in closed form. A body with contacts is bounded by
 energy: impacts and friction remove energy, and gravity adds speed at most at rate g to each group of bodies
-that can exchange it. Three kinds of bodies are unbounded: those that a driven or prescribed body or a moving
-surface can touch, driven bodies that these can push, and those that are not balls and touch
-others with both restitution and friction, because Eqs. 8 and 10 as printed add energy at every impact. A run
-checks the bounds: `Plan.broken`.
+that can exchange it. Four kinds of bodies are unbounded: those that a driven or prescribed body or a moving
+surface can touch, driven bodies that these can push, mechanisms with springs or motors, and those that are
+not balls and touch others with both restitution and friction, because Eqs. 8 and 10 as printed add energy at
+every impact. A run checks the bounds: `Plan.broken`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from touchstone.adapters.contract import AdapterError, Array
 from touchstone.scenarios.avatar.kinematics import hinges, link_poses, matrix, piece_box
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.body_joints import mechanisms
 from touchstone.scenarios.effects import centred_ball
 from touchstone.scenarios.plan import Bounds, Plan, box_gap, least_gap, plan
 from touchstone.scenarios.scenario import (
@@ -263,6 +264,8 @@ def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: A
     loose = [scenario.links(tracker) for tracker in scenario.trackers if not scenario.prescribes(tracker)]
     group = np.arange(len(kind))
     state = np.zeros(len(kind), np.intp)  # of a group: 0 free flight, 1 bounded by energy, 2 unbounded
+    _join(scenario, group, state)
+    _spread(scenario, world, group, state, low, high)
     while True:
         gap = _gaps(world, kind, reach, low, high)
         meets = may & (least_gap(gap, body) <= 0)
@@ -282,6 +285,18 @@ def _settle(scenario: Scenario, world: _World, reach: Array, low: Array, high: A
         if same and before[2] == np.isinf(low).sum():
             return gap
         _spread(scenario, world, group, state, low, high)
+
+
+def _join(scenario: Scenario, group: Indices, state: NDArray[np.int_]) -> None:
+    """Group the bodies of each mechanism: bounded by energy, or unbounded if springs, motors or a prescribed
+    body move it."""
+    index = {body.name: k for k, body in enumerate(scenario.bodies)}
+    for joints in mechanisms(scenario):
+        ends = [index[name] for joint in joints for name in (joint.parent, joint.child) if name]
+        moved = [k for k in ends if scenario.bodies[k].kind == "simulated"]
+        driven = any(scenario.bodies[k].kind == "prescribed" for k in ends)
+        driven |= any(joint.stiffness or joint.damping * joint.target_rate for joint in joints)
+        group[moved], state[moved] = moved[0], 2 if driven else 1
 
 
 def _gains(scenario: Scenario, k: int, others: Indices) -> bool:

@@ -21,6 +21,7 @@ from touchstone.adapters.contract import (
     Manifest,
     Settings,
     State,
+    Unsupported,
     World,
     state_fields,
 )
@@ -93,12 +94,16 @@ def ready(engine: Engine, scenario: Scenario, settings: Settings) -> Player:
 def build(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[World, Settings, Plan]:
     """A world that simulates the effects of the plan only, its settings, and the plan.
 
-    Raises AdapterError if two bodies start at the same place: engines resolve this arbitrarily.
+    Raises AdapterError if two bodies start at the same place: engines resolve this arbitrarily; Unsupported
+    if the scene has joints between bodies, and the engine none.
     """
     fault = coinciding(scenario)
     if fault:
         raise AdapterError(fault)
-    applied, settings, plan = planned_for(getattr(engine, "name", ""), scenario, settings)
+    name = getattr(engine, "name", "")
+    if scenario.body_joints and not getattr(engine, "plays_body_joints", False):
+        raise Unsupported(f"{name}: the adapter has no joints between bodies")
+    applied, settings, plan = planned_for(name, scenario, settings)
     return engine.build(applied, settings), settings, plan
 
 

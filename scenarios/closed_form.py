@@ -21,6 +21,7 @@ from scipy.special import ellipj, ellipk, ellipkinc
 from touchstone.scenarios.avatar.tracking import path, sample
 from touchstone.scenarios.scenario import Arc, Body, Scenario, Sphere, Tracker, Truth
 from touchstone.scenarios.truths.body_motion import Array, Motion
+from touchstone.scenarios.truths.mechanism import mechanism_motion
 from touchstone.scenarios.truths.smooth_contact import smooth_contact
 from touchstone.scenarios.truths.tipping import tipping
 
@@ -53,6 +54,8 @@ def motion(scenario: Scenario, truth: Truth, times: Array) -> Motion:
             return smooth_contact(scenario, body, times)
         case "tipping":
             return tipping(scenario, body, times)
+        case "mechanism":
+            return mechanism_motion(scenario, body, times)
 
 
 def support(scenario: Scenario) -> tuple[int, Tracker]:

@@ -19,6 +19,8 @@ ROLLING = 2 / 7
 def final_positions(scenario: Scenario) -> Array | None:
     """Final positions (n, 3) [m] of a body in free flight, a ball dropped on level ground, or two free balls;
     None for other scenes."""
+    if scenario.body_joints:
+        return None
     simulated = [body for body in scenario.bodies if body.kind == "simulated"]
     others = [body for body in scenario.bodies if body.kind != "simulated"]
     gravity = np.array(scenario.acting_gravity)

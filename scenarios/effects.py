@@ -149,6 +149,8 @@ def _rotation(known: Meetings) -> Need:
     for k in simulated:
         if any(scenario.bodies[k].angular_velocity):
             return True, f"{scenario.bodies[k].name} spins from the start"
+    if scenario.body_joints:
+        return True, f"{len(scenario.body_joints)} joints can turn bodies"
     for pair in known.meeting:
         for k in simulated & set(pair):
             body, other = scenario.bodies[k], scenario.bodies[sum(pair) - k]

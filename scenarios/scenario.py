@@ -31,8 +31,12 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
-Law = Literal["arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact", "tipping"]
+Law = Literal[
+    "arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact", "tipping", "mechanism"
+]
 INTERPOLATIONS = ("pchip", "cubic", "linear", "held")
+UNBOUNDED = 1e30
+"""Limit of a joint that it never reaches [rad, m, N or N m]."""
 GRAVITY = 9.81
 """Default magnitude of gravity [m/s^2]."""
 HOLD_LAST: ContextVar[bool] = ContextVar("HOLD_LAST", default=False)
@@ -171,6 +175,34 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
+class BodyJoint(ShortRepr):
+    """Joint between two bodies, of which contact moves `child` at least; `parent` is a simulated, fixed or
+    prescribed body, or "" for the world.
+
+    `anchor` [m] and the unit vector `axis` are given in the world at the start, where the joint's position q
+    is 0: of a hinge the angle [rad] by which the child has turned about the axis relative to the parent, of a
+    slider its travel [m] along the axis. A ball joint turns about the anchor, a fixed one not at all; they
+    have neither limits nor springs. q stays between `lower` and `upper`. The joint exerts the force [N] or
+    torque [N m] `stiffness` (`target` - q) + `damping` (`target_rate` - dq/dt), at most `largest_force`:
+    a spring, a damper or a motor; in a ball joint -`damping` times the relative angular velocity.
+    """
+
+    name: str
+    type: Literal["hinge", "slider", "ball", "fixed"]
+    parent: str
+    child: str
+    anchor: Vector
+    axis: Vector = (0.0, 0.0, 1.0)
+    lower: float = -UNBOUNDED
+    upper: float = UNBOUNDED
+    stiffness: float = 0.0
+    damping: float = 0.0
+    target: float = 0.0
+    target_rate: float = 0.0
+    largest_force: float = UNBOUNDED
+
+
+@dataclass(frozen=True, slots=True, repr=False)
 class ReachCone(ShortRepr):
     """Joint limits of a ball joint, whose three `joints` turn about right-handed perpendicular axes through
     one point; the third axis is the bone's.
@@ -302,7 +334,7 @@ class Truth(ShortRepr):
     which moves in a vertical plane without turning. turntable: a ball that rolls on a prescribed body, which
     turns about the vertical at a constant rate. smooth_contact: a ball, an ellipsoid or the rim of a cylinder
     on fixed boxes, or a ball on fixed balls. tipping: a prism that tips from edge to edge down a fixed slope,
-    e = 0.
+    e = 0. mechanism: bodies that joints without limits connect, without contact.
     """
 
     body: str
@@ -336,6 +368,7 @@ class Scenario(ShortRepr):
     forces: tuple[ForceTruth, ...] = ()
     published: tuple[Published, ...] = ()
     limits: tuple[MetricLimit, ...] = ()
+    body_joints: tuple[BodyJoint, ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -384,7 +417,7 @@ class Scenario(ShortRepr):
     def touching_pairs(self) -> Iterator[tuple[int, int]]:
         """Body pairs (a < b) that may touch: both have pieces and contact moves at least one. Links of one
         driven body may touch only with `self_collision` and if they are not adjacent, where links without
-        pieces are skipped."""
+        pieces are skipped. Bodies of one joint do not touch each other."""
         group = self.groups()
         above = {joint.child: joint.parent for joint in self.joints}
         bare = {body.name for body in self.bodies if not body.pieces}
@@ -393,6 +426,7 @@ class Scenario(ShortRepr):
             while parent in bare and parent in above:
                 parent = above[parent]
             adjacent.add(frozenset((child, parent)))
+        joined = {frozenset((joint.parent, joint.child)) for joint in self.body_joints}
         for a, b in combinations(range(len(self.bodies)), 2):
             first, second = self.bodies[a], self.bodies[b]
             if not (first.pieces and second.pieces) or {first.kind, second.kind} <= {*UNMOVED}:
@@ -400,6 +434,8 @@ class Scenario(ShortRepr):
             if group[a] == group[b] >= 0 and (
                 "self_collision" not in self.effects or frozenset((first.name, second.name)) in adjacent
             ):
+                continue
+            if frozenset((first.name, second.name)) in joined:
                 continue
             yield a, b
 

@@ -14,10 +14,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from touchstone.scenarios.body_joints import mechanisms
 from touchstone.scenarios.scenario import (
     TRACKED,
     Arc,
     Body,
+    BodyJoint,
     Hull,
     Joint,
     Matrix,
@@ -35,13 +37,22 @@ Array = NDArray[np.float64]
 
 def shifted(scenario: Scenario, shift: Array) -> Scenario:
     """Scene with its simulated bodies, or the paths of its trackers if it has none, moved by (n, 3) [m];
-    without truths and expectations, which hold for the original only."""
+    without truths and expectations, which hold for the original only. Bodies that joints connect move as one
+    of them does, with their joints."""
     moves = iter(shift)
     fields: dict[str, object] = {}
-    if any(body.kind == "simulated" for body in scenario.bodies):
+    simulated = [body.name for body in scenario.bodies if body.kind == "simulated"]
+    if simulated:
+        move = dict(zip(simulated, shift))
+        for joints in mechanisms(scenario):
+            names = {name for joint in joints for name in (joint.parent, joint.child)} & move.keys()
+            move |= dict.fromkeys(names, move[min(names)])
         fields["bodies"] = tuple(
-            replace(body, position=vector(body.position + next(moves))) if body.kind == "simulated" else body
+            replace(body, position=vector(body.position + move[body.name])) if body.name in move else body
             for body in scenario.bodies
+        )
+        fields["body_joints"] = tuple(
+            replace(joint, anchor=vector(joint.anchor + move[joint.child])) for joint in scenario.body_joints
         )
     else:
         fields["trackers"] = tuple(
@@ -82,6 +93,7 @@ def translated(scenario: Scenario, offset: Vector) -> Scenario:
         bodies=tuple(
             b if b.kind in TRACKED else replace(b, position=there(b.position)) for b in scenario.bodies
         ),
+        body_joints=tuple(replace(j, anchor=there(j.anchor)) for j in scenario.body_joints),
         trackers=tuple(replace(t, positions=tuple(map(there, t.positions))) for t in scenario.trackers),
         truths=tuple(
             replace(t, arcs=tuple(replace(arc, position=there(arc.position)) for arc in t.arcs))
@@ -102,6 +114,7 @@ def mirrored(scenario: Scenario) -> Scenario:
         scenario,
         bodies=tuple(map(_mirrored_body, scenario.bodies)),
         joints=tuple(map(_mirrored_joint, scenario.joints)),
+        body_joints=tuple(map(_mirrored_body_joint, scenario.body_joints)),
         trackers=tuple(map(_mirrored_tracker, scenario.trackers)),
         gravity=mirror(scenario.gravity),
         truths=tuple(_mirrored_truth(truth) for truth in scenario.truths),
@@ -164,6 +177,11 @@ def _mirrored_joint(joint: Joint) -> Joint:
         axis=mirror_axis(joint.axis),
         orientation=mirror_turn(joint.orientation),
     )
+
+
+def _mirrored_body_joint(joint: BodyJoint) -> BodyJoint:
+    turn = mirror if joint.type == "slider" else mirror_axis
+    return replace(joint, anchor=mirror(joint.anchor), axis=turn(joint.axis))
 
 
 def _mirrored_tracker(tracker: Tracker) -> Tracker:

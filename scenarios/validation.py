@@ -23,6 +23,7 @@ from touchstone.scenarios.avatar.number_checks import (
     unit,
 )
 from touchstone.scenarios.avatar.tracker_checks import check_driving, check_tracker
+from touchstone.scenarios.body_joints import check_body_joints
 from touchstone.scenarios.effects import centred_ball
 from touchstone.scenarios.scenario import (
     CHECKS,
@@ -33,6 +34,7 @@ from touchstone.scenarios.scenario import (
     TRACKED,
     UNMOVED,
     Body,
+    BodyJoint,
     Box,
     Capsule,
     Cylinder,
@@ -48,6 +50,7 @@ from touchstone.scenarios.scenario import (
     Truth,
 )
 from touchstone.scenarios.truths.force_checks import check_forces
+from touchstone.scenarios.truths.mechanism import check_mechanism
 from touchstone.scenarios.truths.pair_names import ambiguities
 from touchstone.scenarios.truths.published import check_published
 from touchstone.scenarios.truths.smooth_contact import check_smooth_contact
@@ -81,6 +84,7 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
     for i, body in enumerate(scenario.bodies):
         _check_body(body, f"bodies[{i}]", report)
     _check_joints(scenario, report)
+    check_body_joints(scenario, report)
     for i, tracker in enumerate(scenario.trackers):
         check_tracker(scenario, tracker, f"trackers[{i}]", report)
     check_driving(scenario, report)
@@ -115,9 +119,10 @@ def _check_numbers(scenario: Scenario, report: Report) -> None:
 
 
 def _check_names(scenario: Scenario, report: Report) -> None:
-    groups: dict[str, tuple[Body | Joint | Piece, ...]] = {
+    groups: dict[str, tuple[Body | BodyJoint | Joint | Piece, ...]] = {
         "bodies": scenario.bodies,
         "joints": scenario.joints,
+        "body_joints": scenario.body_joints,
     }
     groups |= {f"bodies[{i}].pieces": body.pieces for i, body in enumerate(scenario.bodies)}
     for path, group in groups.items():
@@ -315,6 +320,8 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
             check_smooth_contact(scenario, body, f"{path}.body", report)
         elif truth.law == "tipping":
             check_tipping(scenario, body, f"{path}.body", report)
+        elif truth.law == "mechanism":
+            check_mechanism(scenario, body, f"{path}.body", report)
         if truth.body in [other.body for other in scenario.truths[:i]]:
             report(f"{path}.body", f"{truth.body!r} has two truths")
         _check_arcs(truth, path, report)

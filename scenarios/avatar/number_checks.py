@@ -57,7 +57,11 @@ def positive(
         report(path, f"found {min(numbers)}, expected positive numbers")
 
 
-def unit(values: tuple[float, ...], path: str, report: Report, width: int) -> None:
-    """Report a vector that is not of unit length."""
-    if finite(values, path, report, width) and abs(sum(v * v for v in values) - 1) > UNIT_TOLERANCE:
+def unit(values: tuple[float, ...], path: str, report: Report, width: int) -> bool:
+    """Report a vector that is not of unit length; whether it is."""
+    if not finite(values, path, report, width):
+        return False
+    if abs(sum(v * v for v in values) - 1) > UNIT_TOLERANCE:
         report(path, f"found length {sum(v * v for v in values) ** 0.5:.12g}, expected 1")
+        return False
+    return True

@@ -16,7 +16,9 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.scenario import (
     IDENTITY,
     TRACKED,
+    UNBOUNDED,
     Body,
+    BodyJoint,
     Box,
     Capsule,
     Cylinder,
@@ -78,6 +80,9 @@ def rotated(scenario: Scenario, turn: Rotation) -> Scenario:
         scenario,
         bodies=tuple(map(body, scenario.bodies)),
         trackers=tuple(map(tracker, scenario.trackers)),
+        body_joints=tuple(
+            replace(j, anchor=there(j.anchor), axis=there(j.axis)) for j in scenario.body_joints
+        ),
         gravity=there(scenario.gravity),
     )
 
@@ -93,7 +98,19 @@ def heavier(scenario: Scenario, factor: float) -> Scenario:
         else replace(one, stiffness=one.stiffness * factor, damping=one.damping * factor)
         for one in scenario.trackers
     )
-    return bare(scenario, bodies=bodies, trackers=trackers)
+    body_joints = tuple(_forced(one, factor) for one in scenario.body_joints)
+    return bare(scenario, bodies=bodies, trackers=trackers, body_joints=body_joints)
+
+
+def _forced(joint: BodyJoint, factor: float) -> BodyJoint:
+    """Joint whose forces are `factor` times as large."""
+    most = joint.largest_force
+    return replace(
+        joint,
+        stiffness=joint.stiffness * factor,
+        damping=joint.damping * factor,
+        largest_force=most * factor if most < UNBOUNDED else most,
+    )
 
 
 def rescaled(scenario: Scenario, times: float) -> Scenario:
@@ -118,7 +135,29 @@ def similar(scenario: Scenario, times: float, **fields: object) -> Scenario:
     trackers = tuple(
         _rescaled_tracker(one, size, times, not scenario.prescribes(one)) for one in scenario.trackers
     )
-    return bare(scenario, bodies=bodies, joints=joints, trackers=trackers, **fields)
+    body_joints = tuple(_rescaled_joint(one, size, times) for one in scenario.body_joints)
+    return bare(scenario, bodies=bodies, joints=joints, trackers=trackers, body_joints=body_joints, **fields)
+
+
+def _rescaled_joint(one: BodyJoint, size: float, times: float) -> BodyJoint:
+    """Joint of a scene whose masses stay: forces stay, torques are `size` times as large."""
+    length = size if one.type == "slider" else 1.0
+    scale = size / length
+
+    def bound(value: float, factor: float) -> float:
+        return value * factor if abs(value) < UNBOUNDED else value
+
+    return replace(
+        one,
+        anchor=_scaled(one.anchor, size),
+        lower=bound(one.lower, length),
+        upper=bound(one.upper, length),
+        stiffness=one.stiffness * scale / length,
+        damping=one.damping * times * scale / length,
+        target=one.target * length,
+        target_rate=one.target_rate * length / times,
+        largest_force=bound(one.largest_force, scale),
+    )
 
 
 def _rescaled_tracker(one: Tracker, size: float, times: float, coupled: bool) -> Tracker:
@@ -225,8 +264,9 @@ def carried(scenario: Scenario, speed: Vector, push: Vector = (0.0, 0.0, 0.0)) -
 
 
 def can_be_carried(scenario: Scenario) -> bool:
-    """Whether a scene has fixed bodies, and no trackers."""
-    return not scenario.trackers and any(body.kind == "fixed" for body in scenario.bodies)
+    """Whether a scene has fixed bodies, and neither trackers nor joints with the world."""
+    hangs = any(not joint.parent for joint in scenario.body_joints)
+    return not (scenario.trackers or hangs) and any(body.kind == "fixed" for body in scenario.bodies)
 
 
 def later(scenario: Scenario, frames: int) -> Scenario:

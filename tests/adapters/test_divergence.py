@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.contract import Manifest, Settings, State
-from touchstone.adapters.divergence import EXPLODED, SPEED_MAX, Watch
+from touchstone.adapters.divergence import EXPLODED, SPEED_MAX, Watch, largest_work
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import RunEnded, record
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.scenario import Scenario
 
@@ -229,3 +230,15 @@ def test_kinetic_energy_stays_below_its_bound():
         state.orientation /= np.linalg.norm(state.orientation, axis=1)[:, None]
         exact = float(watch._kinetic(state).sum())
         assert exact <= watch._largest_kinetic(state) < 2 * exact
+
+
+def test_motors_and_springs_may_add_energy() -> None:
+    """Allow what a motor can do in the time of its scene and what a spring releases, not more."""
+    motor, spring = (catalogue()[name] for name in ("motor_hinge", "slider_spring"))
+    found = motion(motor, motor.truths[0], np.array([motor.duration]))
+    spun = motor.bodies[0].inertia[2][2] * float(np.sum(found.angular_velocity**2)) / 2
+    allowed = largest_work(motor.body_joints[0], motor.duration)
+    assert spun < allowed < 20 * spun
+    stretched = replace(spring.body_joints[0], target=0.1)
+    assert largest_work(stretched, 1.0) == pytest.approx(stretched.stiffness * 0.1**2 / 2)
+    assert largest_work(spring.body_joints[0], 1.0) == 0

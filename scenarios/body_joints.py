@@ -1,0 +1,190 @@
+"""Joints between bodies: their faults, and the spanning trees of the mechanisms that they form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import get_args, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from touchstone.scenarios.avatar.number_checks import LONGEST, Report, finite, unit
+from touchstone.scenarios.scenario import ORIGIN, UNBOUNDED, Body, BodyJoint, Scenario, vector
+
+WORLD = ""
+"""Parent of a joint with the world."""
+TYPES: tuple[str, ...] = get_args(get_type_hints(BodyJoint)["type"])
+ALONG_AXIS = ("hinge", "slider")
+"""Types of joints with one position."""
+FREE = BodyJoint("", "ball", "", "", ORIGIN)
+"""Joint without limits and forces."""
+PARTING = 1e-9
+"""Velocity by which a joint may part at the start, over the speeds of its bodies [1]: rounding."""
+Array = NDArray[np.float64]
+
+
+def spanning_trees(scenario: Scenario) -> tuple[list[BodyJoint], list[BodyJoint]]:
+    """Joints as trees and loops: the first list joins each body to its tree, parents before children; the
+    second closes loops.
+
+    Trees grow from bodies that no contact moves, else from the first body of a mechanism, along sliders and
+    joints with forces first: engines close loops with others. Where a tree enters
+    a joint by its child, parent and child are exchanged and the axis is reversed: q stays the same.
+    """
+    simulated = {body.name for body in scenario.bodies if body.kind == "simulated"}
+    left, tree, loops = list(scenario.body_joints), [], []
+    reached = {WORLD, *(body.name for body in scenario.bodies if body.kind != "simulated")}
+    while left:
+        near = [joint for joint in left if {joint.parent, joint.child} & reached]
+        if not near:
+            reached.add(left[0].parent)
+            continue
+        closing = [joint for joint in near if {joint.parent, joint.child} <= reached]
+        if closing:
+            left.remove(closing[0])
+            loops.append(closing[0])
+            continue
+        entered = next(filter(_belongs_in_tree, near), near[0])
+        left.remove(entered)
+        if entered.parent not in reached:
+            entered = reversed_joint(entered)
+        tree.append(entered)
+        reached.add(entered.child)
+    assert all(joint.child in simulated for joint in tree)
+    return tree, loops
+
+
+def is_limited(joint: BodyJoint) -> bool:
+    """Whether a joint has a limit."""
+    return joint.lower > -UNBOUNDED or joint.upper < UNBOUNDED
+
+
+def _belongs_in_tree(joint: BodyJoint) -> bool:
+    """Whether engines have a joint in trees alone: their constraints neither slide, nor push, nor stop."""
+    return joint.type == "slider" or bool(joint.stiffness or joint.damping) or is_limited(joint)
+
+
+def reversed_joint(joint: BodyJoint) -> BodyJoint:
+    """The same joint with parent and child exchanged."""
+    x, y, z = joint.axis
+    return replace(joint, parent=joint.child, child=joint.parent, axis=(-x, -y, -z))
+
+
+def mechanisms(scenario: Scenario) -> list[list[BodyJoint]]:
+    """Joints of each mechanism: what simulated bodies connect."""
+    groups: list[tuple[set[str], list[BodyJoint]]] = []
+    simulated = {body.name for body in scenario.bodies if body.kind == "simulated"}
+    for joint in scenario.body_joints:
+        names, joints = {joint.parent, joint.child} & simulated, [joint]
+        apart = []
+        for group in groups:
+            if group[0] & names:
+                names, joints = group[0] | names, group[1] + joints
+            else:
+                apart.append(group)
+        groups = [*apart, (names, joints)]
+    return [joints for _, joints in groups]
+
+
+def point_velocity(body: Body | None, point: Iterable[float]) -> Array:
+    """Velocity of a body at a world point at the start [m/s]; 0 for the world."""
+    if body is None:
+        return np.zeros(3)
+    center = mass_center(body)
+    return np.array(body.linear_velocity) + np.cross(body.angular_velocity, np.array(tuple(point)) - center)
+
+
+def _fastest(body: Body | None, point: Iterable[float]) -> float:
+    """Bound on the speed of a body at the start, up to a world point [m/s]."""
+    if body is None:
+        return 0.0
+    arm = np.linalg.norm(np.array(tuple(point)) - mass_center(body))
+    return float(np.linalg.norm(body.linear_velocity) + np.linalg.norm(body.angular_velocity) * arm)
+
+
+def mass_center(body: Body) -> Array:
+    """Centre of mass of a body at the start, in the world [m]."""
+    w, x, y, z = body.orientation
+    r, u = np.array(body.center_of_mass), np.array((x, y, z))
+    turned = r + 2 * w * np.cross(u, r) + 2 * np.cross(u, np.cross(u, r))
+    return np.array(body.position) + turned
+
+
+def check_body_joints(scenario: Scenario, report: Report) -> None:
+    """Report what is wrong with the joints between bodies."""
+    bodies = {body.name: body for body in scenario.bodies}
+    for i, joint in enumerate(scenario.body_joints):
+        path = f"body_joints[{i}]"
+        if joint.type not in TYPES:
+            report(f"{path}.type", f"unknown type {joint.type!r}; valid: {', '.join(TYPES)}")
+        known = _check_bodies(joint, bodies, path, report)
+        numbers = finite(joint.anchor, f"{path}.anchor", report, 3, LONGEST)
+        numbers &= unit(joint.axis, f"{path}.axis", report, 3)
+        numbers &= _check_forces(joint, path, report)
+        if known and numbers:
+            _check_start(joint, bodies.get(joint.parent), bodies[joint.child], path, report)
+
+
+def _check_bodies(joint: BodyJoint, bodies: dict[str, Body], path: str, report: Report) -> bool:
+    known = True
+    for field, valid in (("parent", ("simulated", "fixed", "prescribed")), ("child", ("simulated",))):
+        name = getattr(joint, field)
+        if field == "parent" and name == WORLD:
+            continue
+        if name not in bodies:
+            report(f"{path}.{field}", f"unknown body {name!r}; valid: {', '.join(bodies)}")
+            known = False
+        elif bodies[name].kind not in valid:
+            report(
+                f"{path}.{field}", f"{name!r} is {bodies[name].kind}, expected a {' or '.join(valid)} body"
+            )
+            known = False
+    if joint.parent == joint.child:
+        report(f"{path}.child", f"{joint.child!r} is joined to itself")
+        known = False
+    return known
+
+
+def _check_forces(joint: BodyJoint, path: str, report: Report) -> bool:
+    sound = True
+    for field in ("lower", "upper", "stiffness", "damping", "target", "target_rate", "largest_force"):
+        sound &= finite((getattr(joint, field),), f"{path}.{field}", report, 1, UNBOUNDED)
+    if not sound:
+        return False
+    for field in ("stiffness", "damping", "largest_force"):
+        if getattr(joint, field) < 0:
+            report(f"{path}.{field}", f"found {getattr(joint, field):g}, expected at least 0")
+            sound = False
+    if not joint.lower <= 0 <= joint.upper or joint.lower == joint.upper:
+        report(
+            f"{path}.lower", f"found {joint.lower:g} to {joint.upper:g}, expected a range with the start, 0"
+        )
+    if joint.type in ALONG_AXIS:
+        return sound
+    fields = ("lower", "upper", "stiffness", "target", "target_rate", "largest_force")
+    for field in (*fields, "damping") if joint.type == "fixed" else fields:
+        if getattr(joint, field) != getattr(FREE, field):
+            report(f"{path}.{field}", f"found {getattr(joint, field):g}, which a {joint.type} joint has not")
+    return sound
+
+
+def _check_start(joint: BodyJoint, parent: Body | None, child: Body, path: str, report: Report) -> None:
+    """Report velocities of the start that part the joint. Prescribed parents are not checked."""
+    if parent is not None and parent.kind == "prescribed":
+        return
+    a, b = point_velocity(parent, joint.anchor), point_velocity(child, joint.anchor)
+    spin = np.zeros(3) if parent is None else np.array(parent.angular_velocity)
+    turn, slip, axis = np.array(child.angular_velocity) - spin, b - a, np.array(joint.axis)
+    if joint.type == "hinge":
+        turn = turn - axis * (turn @ axis)
+    elif joint.type == "ball":
+        turn = 0 * turn
+    elif joint.type == "slider":
+        slip = slip - axis * (slip @ axis)
+    speed = max(_fastest(parent, joint.anchor), _fastest(child, joint.anchor))
+    if np.abs(slip).max() > PARTING * speed:
+        report(path, f"{joint.name!r} parts at the start by {vector(slip)} m/s: set velocities that meet")
+    rate = max(np.abs(child.angular_velocity).max(), np.abs(spin).max())
+    if np.abs(turn).max() > PARTING * rate:
+        report(path, f"{joint.name!r} turns at the start by {vector(turn)} rad/s across its axis")

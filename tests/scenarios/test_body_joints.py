@@ -1,0 +1,203 @@
+"""Joints between bodies: each fault with its place, spanning trees, and joined bodies in contact."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, inf, nan, sin
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from touchstone.scenarios.body_joints import mechanisms, spanning_trees
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.families.joined_contact import LADDER, LEAN, WHEEL, ladder_leaves
+from touchstone.scenarios.scenario import GRAVITY, BodyJoint, ScenarioError
+from touchstone.scenarios.solids import ball, block
+
+BASE = catalogue()["double_pendulum"]
+HINGE, SECOND = BASE.body_joints
+SLIDER = replace(HINGE, name="slider", type="slider")
+
+
+def fault_of(*joints: BodyJoint, **fields: object) -> str:
+    """The only fault of a double pendulum with other joints, or its first."""
+    with pytest.raises(ScenarioError) as caught:
+        replace(BASE, truths=(), body_joints=joints, **fields)
+    path, message = caught.value.faults[0]
+    return f"{path}: {message}"
+
+
+FAULTS = {
+    "type": (
+        {"type": "screw"},
+        "body_joints[1].type: unknown type 'screw'; valid: hinge, slider, ball, fixed",
+    ),
+    "parent": ({"parent": "link_9"}, "body_joints[1].parent: unknown body 'link_9'; valid: link_1, link_2"),
+    "child": ({"child": "link_9"}, "body_joints[1].child: unknown body 'link_9'; valid: link_1, link_2"),
+    "no child": ({"child": ""}, "body_joints[1].child: unknown body ''; valid: link_1, link_2"),
+    "itself": ({"parent": "link_2"}, "body_joints[1].child: 'link_2' is joined to itself"),
+    "axis": ({"axis": (0.0, 2.0, 0.0)}, "body_joints[1].axis: found length 2, expected 1"),
+    "NaN": ({"anchor": (nan, 0.0, 0.0)}, "body_joints[1].anchor: "),
+    "infinite limit": ({"upper": inf}, "body_joints[1].upper: "),
+    "infinite spring": ({"stiffness": nan}, "body_joints[1].stiffness: "),
+    "negative": ({"damping": -1.0}, "body_joints[1].damping: found -1, expected at least 0"),
+    "start outside": (
+        {"lower": 0.1, "upper": 0.5},
+        "body_joints[1].lower: found 0.1 to 0.5, expected a range with the start, 0",
+    ),
+    "empty limits": (
+        {"lower": 0.0, "upper": 0.0},
+        "body_joints[1].lower: found 0 to 0, expected a range with the start, 0",
+    ),
+    "ball": (
+        {"type": "ball", "stiffness": 5.0},
+        "body_joints[1].stiffness: found 5, which a ball joint has not",
+    ),
+    "fixed": (
+        {"type": "fixed", "damping": 5.0},
+        "body_joints[1].damping: found 5, which a fixed joint has not",
+    ),
+    "no name": ({"name": ""}, "body_joints[1].name: found none, expected a name"),
+    "name twice": ({"name": "joint_1"}, "body_joints[1].name: 'joint_1' is used twice"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_a_fault_is_named_with_its_place(case: str) -> None:
+    """Each fault gives one line with the joint's number, the field and what is valid."""
+    fields, message = FAULTS[case]
+    assert fault_of(HINGE, replace(SECOND, **fields)).startswith(message)
+
+
+def test_ends_that_contact_does_not_move_are_refused() -> None:
+    """A child must be simulated, a parent not driven."""
+    post = block("post", "steel", (0.1, 0.1, 0.1), position=(5.0, 0.0, 0.0), kind="fixed")
+    bodies = (*BASE.bodies, post)
+    wrong = replace(SECOND, child="post", parent="link_1")
+    assert fault_of(HINGE, wrong, bodies=bodies) == (
+        "body_joints[1].child: 'post' is fixed, expected a simulated body"
+    )
+    gripper = catalogue()["wall_push"]
+    driven = next(body.name for body in gripper.bodies if body.kind == "driven")
+    free = next((body.name for body in gripper.bodies if body.kind == "simulated"), None)
+    joint = BodyJoint("one", "ball", driven, free or driven, (0.0, 0.0, 0.0))
+    with pytest.raises(
+        ScenarioError, match=f"{driven!r} is driven, expected a simulated or fixed or prescribed"
+    ):
+        replace(gripper, body_joints=(joint,))
+
+
+@pytest.mark.parametrize(
+    ("joint", "fields", "message"),
+    [
+        (HINGE, {"linear_velocity": (1.0, 0.0, 0.0)}, "'joint_1' parts at the start by (1.0, 0.0, 0.0) m/s"),
+        (SLIDER, {"linear_velocity": (0.0, 1.0, 0.0)}, ""),
+        (SLIDER, {"linear_velocity": (0.0, 0.0, 1.0)}, "'slider' parts at the start by (0.0, 0.0, 1.0) m/s"),
+        (
+            HINGE,
+            {"angular_velocity": (0.0, 0.0, 2.0)},
+            "'joint_1' parts at the start by (0.0, -0.5, 0.0) m/s",
+        ),
+        (replace(HINGE, anchor=(0.25, 0.0, 0.0)), {"angular_velocity": (0.0, 2.0, 0.0)}, ""),
+        (
+            replace(HINGE, anchor=(0.25, 0.0, 0.0)),
+            {"angular_velocity": (0.0, 2.0, 2.0)},
+            "'joint_1' turns at the start by (0.0, 0.0, 2.0) rad/s across its axis",
+        ),
+        (replace(HINGE, type="ball", anchor=(0.25, 0.0, 0.0)), {"angular_velocity": (0.0, 0.0, 2.0)}, ""),
+    ],
+)
+def test_velocities_at_the_start_must_meet(joint: BodyJoint, fields: dict, message: str) -> None:
+    """Velocities of the start that part a joint are refused with how fast, those along it are not."""
+    body = replace(BASE.bodies[0], **fields)
+    if message:
+        assert fault_of(joint, bodies=(body, BASE.bodies[1])).startswith(f"body_joints[0]: {message}")
+    else:
+        replace(BASE, truths=(), bodies=(body, BASE.bodies[1]), body_joints=(joint,))
+
+
+def test_trees_and_loops_are_told_apart() -> None:
+    """Each body has one joint of a tree, reached from the world; what is left closes loops."""
+    for name, count in (("four_bar", 1), ("n_bar", 3), ("bricard", 1), ("governor", 2), ("hinged_pair", 0)):
+        scene = catalogue()[name]
+        tree, loops = spanning_trees(scene)
+        assert len(loops) == count
+        children = [joint.child for joint in tree]
+        assert len(set(children)) == len(children) == len(scene.bodies) - (name == "hinged_pair")
+        reached = {"", "one"}
+        for joint in tree:
+            assert joint.parent in reached
+            reached.add(joint.child)
+        assert {joint.name for joint in (*tree, *loops)} == {joint.name for joint in scene.body_joints}
+    assert len(mechanisms(catalogue()["pendulums"])) == 3
+    assert len(mechanisms(catalogue()["governor"])) == 1
+
+
+def test_joined_bodies_do_not_touch() -> None:
+    """Bodies of one joint are no pair that may touch; others of the mechanism are."""
+    one, two = ball("one", "steel", 0.1, 1.0), ball("two", "steel", 0.1, 1.0, (0.15, 0.0, 0.0))
+    scene = replace(catalogue()["hinged_pair"], bodies=(one, two), truths=())
+    assert list(scene.touching_pairs()) == []
+    assert list(replace(scene, body_joints=()).touching_pairs()) == [(0, 1)]
+    legs = {
+        catalogue()["ragdoll_stairs"].bodies[k].name
+        for pair in catalogue()["ragdoll_stairs"].touching_pairs()
+        for k in pair
+    }
+    assert {"shin_left", "shin_right", "torso"} <= legs
+
+
+def test_a_gripper_can_hold_what_it_lifts() -> None:
+    """Newton holds for all that the wrist moves; friction of the fingers bears the cube or not."""
+    for name, lifts in (("gripper_lifts", True), ("gripper_slips", False)):
+        scene = catalogue()[name]
+        bodies = {body.name: body for body in scene.bodies}
+        pace = {truth.body: truth.arcs[0].acceleration[2] for truth in scene.truths}
+        assert len({pace["wrist"], pace["left"], pace["right"]}) == 1
+        held = 2 * scene.pair_coefficients(2, 4)[1] * scene.body_joints[1].largest_force
+        needed = bodies["cube"].mass * (GRAVITY + pace["wrist"])
+        assert (held > needed) == lifts
+        assert pace["cube"] == (pace["wrist"] if lifts else 0.0)
+        on_cube = needed if lifts else held
+        rest = [bodies[one] for one in ("wrist", "left", "right")]
+        force = sum(body.mass * (GRAVITY + pace[body.name]) for body in rest) + on_cube
+        assert scene.body_joints[0].largest_force == pytest.approx(force)
+        for joint in scene.body_joints:
+            fastest = pace["wrist"] * scene.duration
+            assert joint.damping * (joint.target_rate - fastest) > joint.largest_force
+
+
+def test_a_cart_keeps_its_energy_down_a_slope() -> None:
+    """What the chassis and the rolling wheels gain is what all lose in height; wheels do not slip."""
+    scene, end = catalogue()["cart_slope"], np.array([0.0, 2.0])
+    gained = lost = 0.0
+    for truth in scene.truths:
+        body, found = scene.bodies[scene.body_index(truth.body)], motion(scene, truth, end)
+        spin = np.linalg.norm(found.angular_velocity[1])
+        speed = np.linalg.norm(found.velocity[1])
+        gained += body.mass * speed**2 / 2 + body.inertia[2][2] * spin**2 / 2
+        lost -= body.mass * GRAVITY * np.diff(found.position[:, 2])[0]
+        assert spin == pytest.approx(0.0 if body.name == "chassis" else speed / WHEEL[0])
+    assert gained == pytest.approx(lost, rel=1e-12)
+
+
+def test_a_ladder_leaves_its_wall_where_the_wall_would_pull() -> None:
+    """Integrate the angle until the acceleration away from the wall ends."""
+    scene, half = catalogue()["ladder"], LADDER[1]
+    share = 1 + scene.bodies[-1].inertia[0][0] / (scene.bodies[-1].mass * half**2)
+
+    def rate(_: float, y: np.ndarray) -> tuple[float, float]:
+        return y[1], GRAVITY * sin(y[0]) / (half * share)
+
+    def pressed(t: float, y: np.ndarray) -> float:
+        return cos(y[0]) * rate(t, y)[1] - sin(y[0]) * y[1] ** 2
+
+    pressed.terminal = True  # type: ignore[attr-defined]
+    run = solve_ivp(rate, (0, 2), (LEAN, 0.0), "DOP853", events=pressed, rtol=1e-12, atol=1e-12)
+    angle, turning = run.y[:, -1]
+    time, speed = ladder_leaves()
+    assert (run.t[-1], half * cos(angle) * turning) == pytest.approx((time, speed), rel=1e-9)
+    assert cos(angle) == pytest.approx(2 / 3 * cos(LEAN), rel=1e-9)
+    assert scene.duration > time
