@@ -35,6 +35,7 @@ from touchstone.reference_impl.continuous.driver_motion import begin_driver, set
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
+from touchstone.reference_impl.continuous.mechanism_motion import start_mechanism
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs, may_touch
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
@@ -99,15 +100,20 @@ def prepare(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
         place(bodies[b])
         if bodies[b]["kind"] == SIMULATED:
             refresh_inertia(bodies[b])
-    for d in range(len(drivers)):
+    driven = drivers[: state[0]["driven_count"]]
+    for d in range(len(driven)):
         pose_links(bodies, joints, drivers[d])
         weigh_hinges(bodies, joints, drivers[d])
         move_links(bodies, joints, drivers[d])
+    for d in range(len(driven), len(drivers)):
+        copy_vector(state[0]["gravity"], drivers[d]["gravity"])
+        drivers[d]["step_error"] = state[0]["joint_error"]
+        start_mechanism(bodies, joints, drivers[d])
     place_pieces(bodies, pieces, vertices, FIXED)
     place_pieces(bodies, pieces, vertices, SIMULATED)
     list_pieces(bodies, pieces, state[0])
-    world = World(bodies, pieces, joints, drivers, vertices, pairs, contacts, state[0])
-    for d in range(len(drivers)):
+    world = World(bodies, pieces, joints, driven, vertices, pairs, contacts, state[0])
+    for d in range(len(driven)):
         end = detect_for(world, d, 1.0)
         store_free_pose(bodies, joints, drivers[d])
         drivers[d]["has_free"] = 1 if is_free(largest_depth(bodies, pairs, end, d)) else 0
@@ -133,7 +139,8 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["missed_before"], s["missed"] = s["missed"], 0
     s["residual_body_a"] = s["residual_body_b"] = -1
     if s["skip_drive"] == 0:
-        _drive(world)
+        driven = drivers[: s["driven_count"]]
+        _drive(World(bodies, pieces, joints, driven, vertices, pairs, contacts, s))
     if s["skip_contact"] == 1:
         _fly(world)
     elif is_isolated(bodies, pieces, drivers, s):
@@ -217,7 +224,7 @@ def _simulate(world):
     vertices, state = world.vertices, world.state
     left = state["dt"]
     if state["skip_drive"] == 0 and state["driven_isolated"] == 0:
-        for d in range(len(drivers)):
+        for d in range(state["driven_count"]):
             if drivers[d]["chain_count"] == 0 or may_touch(bodies, joints, drivers[d], state["dt"]):
                 enter_loop(bodies, joints, drivers[d], state["dt"])
                 state["driven_loop"] = 1
@@ -238,8 +245,8 @@ def _simulate(world):
             state["counters"][COUNT_GAVE_UP] += 1
         state["stage_seconds"][STAGE_IMPULSES] += clock(state["clock"]) - start
         begin_substep(bodies, joints, drivers)
-        if touching > 0:
-            note_energy(bodies, state)
+        if touching > 0 or state["mechanisms"] == 1:
+            note_energy(bodies, joints, drivers, state)
         first_held, state["unpaid_energy"] = state["contact_count"], 0.0
         residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
         state["may_halve"] = 1
@@ -279,7 +286,7 @@ def _simulate(world):
         state["counters"][COUNT_GAVE_UP] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["driven_loop"] = state["led_loop"] = 0
-    for d in range(len(drivers)):
+    for d in range(state["driven_count"]):
         if drivers[d]["loops"] == 1:
             leave_loop(bodies, joints, drivers[d], state["dt"])
     if left > TIME_MIN and len(drivers) > 0:
@@ -340,7 +347,11 @@ def _until_swing(bodies, joints, drivers, h, dt):
     until = 1.0
     for d in range(len(drivers)):
         driver = drivers[d]
-        swing = 0.0 if driver["prescribed"] == 1 else h * sqrt(driver["stiffness"] / driver["mass"])
+        swing = (
+            0.0
+            if driver["prescribed"] + driver["mechanism"] > 0
+            else h * sqrt(driver["stiffness"] / driver["mass"])
+        )
         if driver["loops"] == 1 and swing > 1:
             root, error = bodies[driver["root"]], 0.0
             for part in range(1, 4):

@@ -65,12 +65,30 @@ def detect(world, kind, first):
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += found - first
     if kind == SIMULATED:
-        found = find_stops(world, found, PRESSED)
+        found = find_stops(world, without_joined(world, first, found), PRESSED)
     elif kind == DRIVEN:
         found = _without_simulated(bodies, pairs, first, found)
     end, deepest = _measure(world, first, found)
     state["stage_seconds"][STAGE_COLLISION] += clock(state["clock"]) - since
     return end, deepest
+
+
+@kernel
+def without_joined(world, first, found):
+    """Remove the pairs of `pairs[first:found]` whose bodies a joint connects; returns the index after the
+    last."""
+    bodies, pairs, end = world.bodies, world.pairs, first
+    if world.state["mechanisms"] == 0:
+        return found
+    for k in range(first, found):
+        a, b, joined = pairs[k]["body_a"], pairs[k]["body_b"], False
+        for i in range(3):
+            joined = joined or bodies[a]["beside"][i] == b or bodies[b]["beside"][i] == a
+        if not joined:
+            if k != end:
+                pairs[end] = pairs[k]
+            end += 1
+    return end
 
 
 @kernel
@@ -140,7 +158,11 @@ def mark_pressed(bodies, drivers, pairs, first, end):
     for k in range(first, end):
         for side in range(2):
             d = bodies[pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"]]["driver"]
-            if d >= 0 and drivers[d]["loops"] == 1 and drivers[d]["prescribed"] == 0:
+            if (
+                d >= 0
+                and drivers[d]["loops"] == 1
+                and drivers[d]["prescribed"] + drivers[d]["mechanism"] == 0
+            ):
                 if drivers[d]["pressed"] == 0:
                     drivers[d]["pressed"] = NEWLY_PRESSED
 

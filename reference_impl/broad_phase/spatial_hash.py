@@ -41,7 +41,8 @@ def list_pieces(bodies, pieces, state):
             body = bodies[pieces[p]["body"]]
             if body["kind"] == kind:
                 # pieces of one body never pair; those of one driver pair only with self-collision enabled
-                alone = body["driver"] < 0 or (state["self_collision"] == 1 and body["hinge"] >= 0)
+                alone = body["driver"] < 0 or kind == SIMULATED
+                alone = alone or (state["self_collision"] == 1 and body["hinge"] >= 0)
                 pieces[p]["filter_group"] = pieces[p]["body"] if alone else len(bodies) + body["driver"]
                 pieces[k]["order"] = p
                 pieces[k]["slot"]["piece"] = p

@@ -246,7 +246,7 @@ def _end_velocity(body, found):
         return 0.0, 0.0, 0.0
     c, v, w = body["center"], body["velocity"], body["omega"]
     x, y, z = w[0], w[1], w[2]
-    if body["kind"] == SIMULATED and not is_isotropic(body["inertia"]):
+    if body["kind"] == SIMULATED and body["driver"] < 0 and not is_isotropic(body["inertia"]):
         own, r, m = body["scratch"], body["rotation"], body["end_omega"]
         invert_symmetric(body["inverse_inertia"], own)
         rotate(own, w, m)

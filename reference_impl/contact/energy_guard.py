@@ -19,15 +19,26 @@ from math import sqrt
 from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.contact.separation import kinetic_energy
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
+from touchstone.reference_impl.continuous.hinge_motion import has_limits
+from touchstone.reference_impl.continuous.mechanism_motion import spring_energy, take_velocities
 from touchstone.reference_impl.core.conventions import (
     ENERGY_ROUNDING,
     GUARD_SLOWED,
     GUARD_SUMMED,
     GUARD_UNVISITED,
+    JOINT_FREE,
     SIMULATED,
+    UNBOUNDED,
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.solver.islands import is_head, island_of, join_islands, leads, mover_of
+from touchstone.reference_impl.solver.islands import (
+    is_head,
+    is_joined,
+    island_of,
+    join_islands,
+    leads,
+    mover_of,
+)
 
 MOST_RETURN = 0.01
 """Most relative increase of the velocities of an island that lost energy to the error of a substep [1]."""
@@ -38,12 +49,15 @@ UNPAID_ROUNDING = 1e-12
 
 
 @inlined_kernel
-def note_energy(bodies, state):
-    """Store the energy of each simulated body before a substep, and mark the body as in no island."""
+def note_energy(bodies, joints, drivers, state):
+    """Store the energy of each simulated body before a substep, and mark the body as in no island. The
+    springs of a mechanism belong to its first body."""
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             bodies[b]["guard"]["state"] = GUARD_UNVISITED
             bodies[b]["guard"]["before"] = kinetic_energy(bodies[b]) + _height_energy(bodies[b], state)
+    for d in range(state["driven_count"], len(drivers)):
+        bodies[drivers[d]["root"]]["guard"]["before"] += spring_energy(joints, drivers[d])
 
 
 @kernel
@@ -64,15 +78,24 @@ def guard_energy(world, count, parted, first, whole, h):
         first: first row of `contacts` of this substep.
         whole: the substep took its whole length.
     """
-    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
+    bodies, joints, drivers = world.bodies, world.joints, world.drivers
+    pairs, state = world.pairs, world.state
     if parted:
         join_islands(bodies, drivers, pairs, count, True)
     free = False
     for k in range(count):
-        _reset(bodies, drivers, pairs[k])
+        _reset(bodies, joints, drivers, pairs[k])
     for k in range(count):
         if pairs[k]["island"] >= 0:
-            _sum_up(bodies, drivers, pairs[k], state)
+            _sum_up(bodies, joints, drivers, pairs[k], state)
+    for d in range(state["driven_count"], len(drivers)):
+        guard = bodies[drivers[d]["root"]]["guard"]
+        guard["alone"] = 0
+        if guard["state"] == GUARD_UNVISITED and has_limits(joints, drivers[d]):
+            _reset_sums(guard)
+            guard["alone"] = 1
+            _sum_mechanism(bodies, joints, drivers[d], guard, state)
+            free = free or is_free(guard)
     if state["driven_loop"] == 1:
         for k in range(count):
             if is_head(bodies, pairs, k):
@@ -98,7 +121,28 @@ def guard_energy(world, count, parted, first, whole, h):
             excess, rounding = _excess(island), ENERGY_ROUNDING * island["scale"]
             lacks = island["curved"] == 1 and excess < -rounding
             if island["driven"] == 0 and (excess > rounding or lacks):
-                _slow_down(bodies, pairs[k], island, state)
+                _slow_down(bodies, joints, drivers, pairs[k], island, state)
+    for d in range(state["driven_count"], len(drivers)):
+        root = bodies[drivers[d]["root"]]
+        if root["guard"]["alone"] == 1 and root["guard"]["driven"] == 0:
+            if root["guard"]["rise"] > ENERGY_ROUNDING * root["guard"]["scale"]:
+                _slow_all(bodies, joints, drivers, drivers[d]["root"], root["guard"], state)
+        if root["guard"]["state"] != GUARD_UNVISITED:
+            take_velocities(bodies, joints, drivers[d])
+
+
+@kernel
+def body_count(bodies, drivers, b):
+    """Number of bodies of body b's mechanism, or 1."""
+    return drivers[bodies[b]["driver"]]["joint_count"] if is_joined(bodies, drivers, b) else 1
+
+
+@kernel
+def body_beside(bodies, joints, drivers, b, k):
+    """Body k of body b's mechanism, or b."""
+    if not is_joined(bodies, drivers, b):
+        return b
+    return joints[drivers[bodies[b]["driver"]]["first_joint"] + k]["child"]
 
 
 @kernel
@@ -109,42 +153,86 @@ def _excess(island):
 
 
 @kernel
-def _reset(bodies, drivers, pair):
+def _reset(bodies, joints, drivers, pair):
     """Reset the sums of a row's movers."""
     for side in range(2):
-        m = mover_of(bodies, drivers, pair["body_a"] if side == 0 else pair["body_b"])
+        b = pair["body_a"] if side == 0 else pair["body_b"]
+        m = mover_of(bodies, drivers, b)
+        for k in range(body_count(bodies, drivers, b)):
+            bodies[body_beside(bodies, joints, drivers, b, k)]["guard"]["state"] = GUARD_UNVISITED
         if m >= 0:
-            guard = bodies[m]["guard"]
-            guard["state"] = GUARD_UNVISITED
-            guard["grounded"] = guard["driven"] = guard["counted"] = guard["curved"] = 0
-            guard["work"] = guard["rise"] = guard["motion"] = guard["scale"] = guard["mass"] = 0.0
-            for i in range(3):
-                guard["momentum"][i] = guard["old_momentum"][i] = guard["moment"][i] = guard["turning"][i] = (
-                    0.0
-                )
-                guard["carrier"][i] = guard["old_carrier"][i] = guard["carrier_way"][i] = 0.0
+            bodies[m]["guard"]["state"] = GUARD_UNVISITED
+            _reset_sums(bodies[m]["guard"])
+
+
+@kernel
+def _reset_sums(guard):
+    """Reset the sums of an island."""
+    guard["grounded"] = guard["driven"] = guard["counted"] = guard["curved"] = 0
+    guard["work"] = guard["rise"] = guard["motion"] = guard["scale"] = guard["mass"] = 0.0
+    for i in range(3):
+        guard["momentum"][i] = guard["old_momentum"][i] = guard["moment"][i] = guard["turning"][i] = 0.0
+        guard["carrier"][i] = guard["old_carrier"][i] = guard["carrier_way"][i] = 0.0
 
 
 @inlined_kernel
-def _sum_up(bodies, drivers, pair, state):
-    """Add each body of a row to the sums of its island, once per body."""
+def _sum_up(bodies, joints, drivers, pair, state):
+    """Add each body of a row, or of its mechanism, to the sums of its island, once per body."""
     island = bodies[pair["island"]]["guard"]
     for side in range(2):
         b = pair["body_a"] if side == 0 else pair["body_b"]
-        body = bodies[b]
-        if mover_of(bodies, drivers, b) < 0 or body["driver"] >= 0:
-            _ground(island, body, leads(bodies, drivers, b))
-        elif body["guard"]["state"] == GUARD_UNVISITED:
-            body["guard"]["state"] = GUARD_SUMMED
-            motion = kinetic_energy(body)
-            island["rise"] += motion + _height_energy(body, state) - body["guard"]["before"]
-            island["motion"] += motion
-            island["scale"] += motion + abs(body["guard"]["before"])
-            island["mass"] += body["mass"]
+        if is_joined(bodies, drivers, b):
+            _sum_mechanism(bodies, joints, drivers[bodies[b]["driver"]], island, state)
+        elif mover_of(bodies, drivers, b) < 0 or bodies[b]["driver"] >= 0:
+            _ground(island, bodies[b], leads(bodies, drivers, b))
+        else:
+            _add_body(island, bodies[b], state)
+
+
+@kernel
+def _sum_mechanism(bodies, joints, driver, island, state):
+    """Add the bodies and springs of a mechanism to the sums of an island, unless they are in them."""
+    if bodies[driver["root"]]["guard"]["state"] == GUARD_UNVISITED:
+        island["rise"] += spring_energy(joints, driver)
+        _hold(island, joints, driver)
+        for k in range(driver["joint_count"]):
+            _add_body(island, bodies[joints[driver["first_joint"] + k]["child"]], state)
+
+
+@kernel
+def _add_body(island, body, state):
+    """Add a body to the sums of its island, unless it is in them."""
+    if body["guard"]["state"] == GUARD_UNVISITED:
+        body["guard"]["state"] = GUARD_SUMMED
+        motion = kinetic_energy(body)
+        island["rise"] += motion + _height_energy(body, state) - body["guard"]["before"]
+        island["motion"] += motion
+        island["scale"] += motion + abs(body["guard"]["before"])
+        island["mass"] += body["mass"]
+        for i in range(3):
+            island["momentum"][i] += body["mass"] * body["velocity"][i]
+            island["old_momentum"][i] += body["mass"] * body["old_velocity"][i]
+            island["moment"][i] += body["mass"] * (body["center"][i] - body["old_center"][i])
+
+
+@kernel
+def _hold(island, joints, driver):
+    """Note whether joints hold a mechanism at the world, and whether motors drive it: its island is then
+    `driven`, as on a moving body."""
+    for k in range(
+        driver["first_joint"], driver["first_joint"] + driver["joint_count"] + driver["loop_count"]
+    ):
+        joint = joints[k]
+        if joint["parent"] < 0 and joint["type"] != JOINT_FREE:
             for i in range(3):
-                island["momentum"][i] += body["mass"] * body["velocity"][i]
-                island["old_momentum"][i] += body["mass"] * body["old_velocity"][i]
-                island["moment"][i] += body["mass"] * (body["center"][i] - body["old_center"][i])
+                if island["grounded"] == 1 and abs(island["carrier"][i]) > SAME_VELOCITY:
+                    island["driven"] = 1
+            island["grounded"] = 1
+        in_loop = k >= driver["first_joint"] + driver["joint_count"]
+        if in_loop and joint["stiffness"] != 0:
+            island["driven"] = 1
+        if joint["width"] == 1 and (joint["target_rate"] != 0 or joint["largest_force"] < UNBOUNDED):
+            island["driven"] = 1
 
 
 @kernel
@@ -195,17 +283,24 @@ def _subtract_surface_work(bodies, row):
 
 
 @kernel
-def _slow_down(bodies, pair, island, state):
+def _slow_down(bodies, joints, drivers, pair, island, state):
     """Scale the motion of a row's bodies, once per body, so that the island loses the energy that it gained
     in excess, or gains what it lost.
 
     The island loses less if its motion holds less energy; the rest counts as `unpaid_energy`.
     """
+    for side in range(2):
+        _slow_all(bodies, joints, drivers, pair["body_b"] if side else pair["body_a"], island, state)
+
+
+@kernel
+def _slow_all(bodies, joints, drivers, b, island, state):
+    """`_slow_down` of body b, or of all bodies of its mechanism."""
     excess, loose = _excess(island), island["motion"] - rigid_energy(island)
     scale = sqrt(max(0.0, 1 - excess / loose)) if loose > 0 else 0.0
     scale = min(scale, 1 + MOST_RETURN)
-    for side in range(2):
-        body = bodies[pair["body_a"] if side == 0 else pair["body_b"]]
+    for k in range(body_count(bodies, drivers, b)):
+        body = bodies[body_beside(bodies, joints, drivers, b, k)]
         if body["kind"] != SIMULATED or body["guard"]["state"] != GUARD_SUMMED:
             continue
         body["guard"]["state"] = GUARD_SLOWED

@@ -83,6 +83,9 @@ def resolve_impacts(world, count, time, h):
         solve_contacts(bodies, joints, drivers, pairs, count, False, state)
         state["settling"] = 0.0
         log_held(bodies, pairs, count, contacts, state, time)
+    if state["mechanisms"] == 1:
+        # joints that have reached a limit stop there
+        solve_contacts(bodies, joints, drivers, pairs, 0, False, state)
     return done
 
 

@@ -23,6 +23,7 @@ from touchstone.reference_impl.continuous.swept_motion import (
 from touchstone.reference_impl.core.conventions import KEEPS_MOMENTUM, KEEPS_NOTHING, KEEPS_OMEGA, SIMULATED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import (
+    conjugate_by,
     copy_quaternion,
     copy_vector,
     invert_symmetric,
@@ -43,6 +44,9 @@ def begin_substep(bodies, joints, drivers):
             copy_quaternion(body["orientation"], body["old_orientation"])
             copy_vector(body["velocity"], body["old_velocity"])
             copy_vector(body["omega"], body["old_omega"])
+        if body["kind"] == SIMULATED and body["driver"] >= 0:
+            conjugate_by(body["rotation"], body["inertia"], body["scratch"])
+            rotate(body["scratch"], body["omega"], body["momentum"])
     for d in range(len(drivers)):
         begin_driver(joints, drivers[d])
 
@@ -58,7 +62,7 @@ def apply_forces(bodies, joints, drivers, lead, h, state):
     gravity = state["gravity"]
     for b in range(len(bodies)):
         body = bodies[b]
-        if body["kind"] == SIMULATED:
+        if body["kind"] == SIMULATED and body["driver"] < 0:
             for i in range(3):
                 body["velocity"][i] += gravity[i] * h
             rotate_freely(body, h)
@@ -89,7 +93,7 @@ def begin_again(bodies, joints, drivers):
     """Undo the effects of forces, contact impulses and motion since `begin_substep`."""
     for b in range(len(bodies)):
         body = bodies[b]
-        if body["kind"] == SIMULATED:
+        if body["kind"] == SIMULATED and body["driver"] < 0:
             copy_vector(body["old_velocity"], body["velocity"])
             copy_vector(body["old_omega"], body["omega"])
             copy_quaternion(body["old_orientation"], body["orientation"])
@@ -122,7 +126,7 @@ def set_ways(bodies, joints, drivers, pairs, held, h, dt):
             a["spin_steps"] = b["spin_steps"] = 0
             a["spin_keeps"] = b["spin_keeps"] = KEEPS_NOTHING
     for b in range(len(bodies)):
-        if bodies[b]["kind"] == SIMULATED:
+        if bodies[b]["kind"] == SIMULATED and bodies[b]["driver"] < 0:
             flight_motion(bodies[b], h)
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
@@ -177,7 +181,7 @@ def end_substep(bodies, joints, drivers, s, h, dt):
     """
     for b in range(len(bodies)):
         body = bodies[b]
-        if body["kind"] != SIMULATED:
+        if body["kind"] != SIMULATED or body["driver"] >= 0:
             continue
         body["led"] = 0
         _blend(body["old_velocity"], s, body["velocity"])

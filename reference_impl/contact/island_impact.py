@@ -10,6 +10,7 @@ T(p0 + s (p1 - p0)) is a parabola in s. The impulses stay in the cones, which ar
 
 from math import sqrt
 
+from touchstone.reference_impl.continuous.mechanism_motion import note_rates, set_rates
 from touchstone.reference_impl.core.conventions import ENERGY_ROUNDING
 from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
@@ -31,6 +32,8 @@ def strike_together(bodies, joints, drivers, pairs, count, state):
     for k in range(count):
         if not is_head(bodies, pairs, k):
             continue
+        for d in range(state["driven_count"], len(drivers)):
+            note_rates(drivers[d], drivers[d]["start_rates"])
         load_island(bodies, joints, drivers, pairs, k, state)
         solve_island(bodies, joints, drivers, pairs, False, state)
         gain, work = _energy_change(bodies, pairs, k, state)
@@ -66,8 +69,14 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
         pair["resting_impulse"][:] = 0.0
         pair["floor"] = 0.0
         k = pair["next_row"]
+    # limits have exerted impulses on mechanisms too
+    for d in range(state["driven_count"], len(drivers)):
+        note_rates(drivers[d], drivers[d]["gains"])
+        set_rates(bodies, joints, drivers[d], drivers[d]["start_rates"], drivers[d]["start_rates"], 0.0)
     load_island(bodies, joints, drivers, pairs, head, state)
     solve_island(bodies, joints, drivers, pairs, False, state)
+    for d in range(state["driven_count"], len(drivers)):
+        note_rates(drivers[d], drivers[d]["path_gains"])
     start, _ = _energy_change(bodies, pairs, head, state)
     slope = 0.0
     k = head
@@ -87,6 +96,8 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
             held[i] += spare[i]
         apply_to_both(bodies, joints, drivers, pair, pair["point"], spare)
         k = pair["next_row"]
+    for d in range(state["driven_count"], len(drivers)):
+        set_rates(bodies, joints, drivers[d], drivers[d]["path_gains"], drivers[d]["gains"], share)
     state["counters"][COUNT_GUARDED] += 1
 
 

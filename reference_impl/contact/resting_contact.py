@@ -35,6 +35,7 @@ from touchstone.reference_impl.continuous.driver_motion import (
     weigh_for_impacts,
 )
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
+from touchstone.reference_impl.continuous.mechanism_dynamics import set_drifts
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     NEVER,
@@ -43,10 +44,10 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.core.rotation import copy_vector, cross
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
-from touchstone.reference_impl.solver.islands import join_islands, leads, mover_of
+from touchstone.reference_impl.solver.islands import is_joined, join_islands, leads, mover_of
 from touchstone.reference_impl.solver.mobility import approach_speed, place_surfaces
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
@@ -281,6 +282,8 @@ def _prepare_resting_contacts(world, count, h):
     bodies, pairs, state = world.bodies, world.pairs, world.state
     if state["moving_surfaces"] == 1:
         place_surfaces(bodies, world.pieces, pairs, count)
+    for d in range(state["driven_count"], len(world.drivers)):
+        set_drifts(bodies, world.joints, world.drivers[d])
     smooth = state["dense_substep"] == 0 and count <= CURVED_ROWS and state["halvings"] < HALVINGS
     for k in range(count):
         pair = pairs[k]
@@ -304,9 +307,11 @@ def _prepare_resting_contacts(world, count, h):
             curved, turned = True, max(turned, turn)
         if state["moving_surfaces"] == 1:
             move_surfaces(bodies, world.pieces, pair)
+        if state["mechanisms"] == 1:
+            _add_drifts(bodies, world.joints, world.drivers, pair, h)
     state["curved"] = 1 if curved else 0
     # an attempt before this one may have marked bodies
-    marked, state["led"] = state["led"], 1 if curved or state["led_loop"] == 1 else 0
+    marked, state["led"] = state["led"], 1 if curved or state["led_loop"] + state["mechanisms"] > 0 else 0
     if state["led"] == 1 or marked == 1:
         state["led"] = 1 if _mark_led(bodies, world.drivers, pairs, count) else 0
     for k in range(count):
@@ -316,6 +321,25 @@ def _prepare_resting_contacts(world, count, h):
         pair["floor"] = _floor(pair, state, flight, led)
     limit = state["contact_turn"]
     return curved_share(limit / turned, h, state) if turned > limit else NEVER
+
+
+@kernel
+def _add_drifts(bodies, joints, drivers, pair, h):
+    """Add to `bias` how the velocities of bodies change at constant rates of their joints."""
+    for side in range(2):
+        b = pair["body_b"] if side else pair["body_a"]
+        if not is_joined(bodies, drivers, b):
+            continue
+        joint, p, c = (
+            joints[bodies[b]["hinge"]],
+            pair["lever_b"] if side else pair["lever_a"],
+            bodies[b]["center"],
+        )
+        x, y, z = cross(joint["spin_drift"], (p[0] - c[0], p[1] - c[1], p[2] - c[2]))
+        share = h / 2 if side else -h / 2
+        pair["bias"][0] += share * (joint["drift"][0] + x)
+        pair["bias"][1] += share * (joint["drift"][1] + y)
+        pair["bias"][2] += share * (joint["drift"][2] + z)
 
 
 @kernel
@@ -434,6 +458,7 @@ def _mark_led(bodies, drivers, pairs, count):
     for k in range(count):
         a, b = pairs[k]["body_a"], pairs[k]["body_b"]
         led = pairs[k]["curved"] == 1 or leads(bodies, drivers, a) or leads(bodies, drivers, b)
+        led = led or is_joined(bodies, drivers, a) or is_joined(bodies, drivers, b)
         if pairs[k]["island"] >= 0 and led:
             bodies[pairs[k]["island"]]["led"], found = 1, True
     for k in range(count):
@@ -442,6 +467,9 @@ def _mark_led(bodies, drivers, pairs, count):
                 m = mover_of(bodies, drivers, pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"])
                 if m >= 0:
                     bodies[m]["led"] = 1
+    for b in range(len(bodies)):
+        if is_joined(bodies, drivers, b):
+            bodies[b]["led"] = bodies[drivers[bodies[b]["driver"]]["root"]]["led"]
     return found
 
 

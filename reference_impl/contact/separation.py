@@ -9,9 +9,12 @@ from touchstone.reference_impl.broad_phase.detection import (
     mark_pairs,
     place_listed,
 )
+from touchstone.reference_impl.continuous.driver_motion import weigh_for_impacts
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic, refresh_inertia
 from touchstone.reference_impl.continuous.hinge_motion import exchange_rates
+from touchstone.reference_impl.continuous.mechanism_motion import shift_mechanism, stop_mechanism
 from touchstone.reference_impl.core.conventions import (
+    DRIVEN,
     NO_FLOOR,
     NO_MOTION,
     OVERLAP_TOLERANCE,
@@ -25,6 +28,8 @@ from touchstone.reference_impl.core.rotation import matrix_of, turn
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds
 from touchstone.reference_impl.kinematics.skeleton import move_links, place, pose_links
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
+from touchstone.reference_impl.solver.hinge_response import weigh_hinges
+from touchstone.reference_impl.solver.islands import is_joined
 from touchstone.reference_impl.solver.mobility import place_contact
 
 SEPARATION_DEPTH = 0.75 * OVERLAP_TOLERANCE
@@ -63,7 +68,7 @@ def separate_simulated(world, first):
             return end if rounds > 0 else first
         state["counters"][COUNT_ROUNDS] += 1
         # sweeps stall where bodies are jammed
-        together = not converged and not together
+        together = (not converged and not together) or _sinks_joined(world, first, end, left)
         if together:
             _move_together(world, first, end, left, LEVERAGE * deepest)
         else:
@@ -75,6 +80,19 @@ def separate_simulated(world, first):
     place_listed(bodies, pieces, vertices, SIMULATED, state)
     state["counters"][COUNT_GAVE_UP] += 1
     return first
+
+
+@kernel
+def _sinks_joined(world, first, end, left):
+    """Whether a body of a mechanism overlaps by more than `left`: its joints move it, not a translation."""
+    bodies, drivers = world.bodies, world.drivers
+    for k in range(first, end):
+        a, b = world.pairs[k]["body_a"], world.pairs[k]["body_b"]
+        if world.pairs[k]["depth"] > left and (
+            is_joined(bodies, drivers, a) or is_joined(bodies, drivers, b)
+        ):
+            return True
+    return False
 
 
 @kernel
@@ -124,6 +142,8 @@ def _push_apart(world, first, end, left, evenly):
             if depth <= 0:
                 continue
             deepest = max(deepest, depth)
+            if u + v == 0:
+                continue
             share = v / (u + v)
             if 0 < share < 1:
                 if evenly:
@@ -137,12 +157,12 @@ def _push_apart(world, first, end, left, evenly):
         if converged:
             break
     for b in range(len(bodies)):
-        if bodies[b]["kind"] == SIMULATED:
+        if bodies[b]["kind"] == SIMULATED and bodies[b]["driver"] < 0:
             for i in range(3):
                 bodies[b]["position"][i] += bodies[b]["scratch"][0, i]
             place(bodies[b])
     for d in range(len(drivers)):
-        if drivers[d]["loops"] == 1:
+        if drivers[d]["loops"] == 1 and drivers[d]["mechanism"] == 0:
             for i in range(3):
                 drivers[d]["position"][i] += bodies[drivers[d]["root"]]["scratch"][0, i]
             pose_links(bodies, joints, drivers[d])
@@ -151,7 +171,10 @@ def _push_apart(world, first, end, left, evenly):
 
 @kernel
 def _motion_of(bodies, drivers, body):
-    """Translation of a body by separation, and its inverse mass: those of its driver if that moves too."""
+    """Translation of a body by separation, and its inverse mass: those of its driver if that moves too; 0
+    of a body that joints hold."""
+    if body["driver"] >= 0 and drivers[body["driver"]]["mechanism"] == 1:
+        return body["scratch"][0], 0.0
     if body["driver"] >= 0 and drivers[body["driver"]]["loops"] == 1:
         driver = drivers[body["driver"]]
         return bodies[driver["root"]]["scratch"][0], driver["inverse_mass"]
@@ -161,7 +184,8 @@ def _motion_of(bodies, drivers, body):
 @kernel
 def _is_own(bodies, pair):
     """Whether a pair is of two links of one driver."""
-    return bodies[pair["body_a"]]["driver"] == bodies[pair["body_b"]]["driver"] >= 0
+    a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+    return a["driver"] == b["driver"] >= 0 and a["kind"] == DRIVEN
 
 
 @kernel
@@ -176,7 +200,7 @@ def _turn_apart(world, first, end, left):
     if not found:
         return
     residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
-    for d in range(len(drivers)):
+    for d in range(state["driven_count"]):
         if drivers[d]["loops"] == 1:
             _exchange_velocities(bodies, joints, drivers[d], True)
     for k in range(count):
@@ -188,7 +212,7 @@ def _turn_apart(world, first, end, left):
     state["separates"] = 1
     solve_contacts(bodies, joints, drivers, rows, count, False, state)
     state["separates"] = 0
-    for d in range(len(drivers)):
+    for d in range(state["driven_count"]):
         driver = drivers[d]
         if driver["loops"] == 1:
             v, w = driver["velocity"], driver["omega"]
@@ -237,6 +261,8 @@ def _move_together(world, first, end, left, most):
         for i in range(3):
             kept[0, i], kept[1, i] = v[i], w[i]
             v[i] = w[i] = 0.0
+        if is_joined(bodies, world.drivers, k):
+            continue
         # hide the drivers (-2 - d, undone by the same): the solver would move their links
         body["driver"] = -2 - body["driver"]
         if body["kind"] == SIMULATED:
@@ -244,6 +270,10 @@ def _move_together(world, first, end, left, most):
             for i in range(3):
                 for j in range(3):
                     body["inverse_inertia"][i, j] *= body["mass"]
+    for d in range(state["driven_count"], len(world.drivers)):
+        stop_mechanism(world.drivers[d])
+        weigh_hinges(bodies, world.joints, world.drivers[d])
+        weigh_for_impacts(world.drivers[d])
     # of two parallel faces, a motion that separates the deepest points alone may sink others as deep
     count = expand_manifolds(world.pieces, world.vertices, rows, end - first, True, state)
     for k in range(count):
@@ -261,9 +291,12 @@ def _move_together(world, first, end, left, most):
             v = bodies[k]["velocity"]
             near = near and v[0] * v[0] + v[1] * v[1] + v[2] * v[2] <= most * most
             near = near and _way(bodies[k]) <= SINKING_SHARE * bodies[k]["width"]
+    for d in range(state["driven_count"], len(world.drivers)):
+        shift_mechanism(bodies, world.joints, world.drivers[d], near)
     for k in range(len(bodies)):
-        bodies[k]["driver"] = -2 - bodies[k]["driver"]
-        _end_motion(bodies[k], near)
+        if not is_joined(bodies, world.drivers, k):
+            bodies[k]["driver"] = -2 - bodies[k]["driver"]
+            _end_motion(bodies[k], near)
     state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
 
 

@@ -36,8 +36,20 @@ from touchstone.reference_impl.continuous.hinge_motion import (
     return_hinges,
     set_lead_rates,
 )
+from touchstone.reference_impl.continuous.mechanism_motion import (
+    begin_mechanism,
+    body_way_error,
+    coast_mechanism,
+    distance_to_way,
+    end_mechanism,
+    exchange_gains,
+    keep_mechanism_in_limits,
+    note_mechanism_paths,
+    return_mechanism,
+    set_body_ways,
+    set_way,
+)
 from touchstone.reference_impl.continuous.prescribed_path import follow_path
-from touchstone.reference_impl.core.conventions import KEEPS_NOTHING
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import (
     copy_quaternion,
@@ -57,6 +69,9 @@ share in a substep."""
 @kernel
 def return_to_start(bodies, joints, driver):
     """Return a driver to the pose and velocities at the start of its substep."""
+    if driver["mechanism"] == 1:
+        return_mechanism(bodies, joints, driver)
+        return
     _return_pose(joints, driver)
     return_hinges(joints, driver)
     copy_vector(driver["old_velocity"], driver["velocity"])
@@ -78,6 +93,9 @@ def _return_pose(joints, driver):
 @kernel
 def begin_driver(joints, driver):
     """Store the pose and velocities of a driver at the start of a substep."""
+    if driver["mechanism"] == 1:
+        begin_mechanism(driver)
+        return
     copy_vector(driver["position"], driver["old_position"])
     copy_quaternion(driver["orientation"], driver["old_orientation"])
     copy_vector(driver["velocity"], driver["old_velocity"])
@@ -91,6 +109,9 @@ def coast(bodies, joints, driver, h, lead, dt):
     """Set a driver's velocities after a time h without contact forces, its mobility over h, and its links'
     `lead_*`, q - u(h); its pose stays at the start of the substep. `lead` is 1 in the law of positions, and
     the least one in that of velocities."""
+    if driver["mechanism"] == 1:
+        coast_mechanism(bodies, joints, driver, h, lead)
+        return
     if lead < 1:
         lead = driver["lead"] = max(lead, _stiff_lead(driver, h))
         driver["shift_push"][:] = driver["shift_twist"][:] = 0.0
@@ -149,7 +170,7 @@ def _stiff_lead(driver, h):
 def weigh_for_impacts(driver):
     """Give a driver the mass and inertia that an impulse at one instant meets."""
     driver["lasting"] = 0
-    if driver["prescribed"] == 1:
+    if driver["prescribed"] == 1 or driver["mechanism"] == 1:
         return
     driver["inverse_mass"], driver["hinge_share"] = 1 / driver["mass"], 1.0
     invert_symmetric(driver["inertia"], driver["inverse_inertia"])
@@ -159,6 +180,8 @@ def weigh_for_impacts(driver):
 def accept_pushes(bodies, joints, driver, h, dt):
     """Set a driver's velocities at the end of a substep from the impulses that the solver gave it; its pose
     stays at the start."""
+    if driver["mechanism"] == 1:
+        return
     _advance(joints, driver, h, h, dt, 1.0)
     _return_pose(joints, driver)
     move_links(bodies, joints, driver)
@@ -168,6 +191,8 @@ def accept_pushes(bodies, joints, driver, h, dt):
 def keep_in_limits(joints, driver, h, dt):
     """Make rows of the limits that a driver's hinges leave in its substep of length h; returns whether any is
     new. The pose stays at the start."""
+    if driver["mechanism"] == 1:
+        return keep_mechanism_in_limits(joints, driver, h)
     _advance(joints, driver, h, h, dt, 1.0)
     found = find_limits(joints, driver)
     _return_pose(joints, driver)
@@ -178,6 +203,8 @@ def keep_in_limits(joints, driver, h, dt):
 def note_curves(bodies, joints, driver, h, dt):
     """Store how far the links' ways over a substep of length h curve: `curve`, at the impulses of the law of
     velocities. Links turn about hinges, and rows know their velocities at the start alone."""
+    if driver["mechanism"] == 1:
+        return
     exchange_pushes(joints, driver)
     _advance(joints, driver, h, h, dt, 1.0)
     exchange_pushes(joints, driver)
@@ -199,6 +226,9 @@ def note_curves(bodies, joints, driver, h, dt):
 def note_paths(bodies, joints, driver, h, dt):
     """Store in its links' `path_*` the velocities whose mean with those at the substep's start covers their
     way; the pose stays at the start, and `accept_pushes` restores the velocities."""
+    if driver["mechanism"] == 1:
+        note_mechanism_paths(bodies, joints, driver)
+        return
     _advance(joints, driver, h, h, dt, 1.0)
     _cover_way(joints, driver, 2.0, h)
     move_links(bodies, joints, driver)
@@ -228,6 +258,9 @@ def _cover_way(joints, driver, twice, h):
 @kernel
 def exchange_pushes(joints, driver):
     """Exchange the impulses of the law of velocities with those of the law of positions."""
+    if driver["mechanism"] == 1:
+        exchange_gains(driver)
+        return
     for i in range(3):
         driver["push"][i], driver["shift_push"][i] = driver["shift_push"][i], driver["push"][i]
         driver["twist"][i], driver["shift_twist"][i] = driver["shift_twist"][i], driver["twist"][i]
@@ -239,39 +272,32 @@ def exchange_pushes(joints, driver):
 def set_link_ways(bodies, joints, driver, until, h, dt):
     """Set the motion of a driver's links over a substep of length h: parabolas that start at their velocities
     and lead through their poses at its fraction `until`."""
+    if driver["mechanism"] == 1:
+        set_body_ways(bodies, joints, driver, until, h)
+        return
     _advance(joints, driver, until * h, h, dt, 1.0)
     pose_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
-        link = bodies[link_of(joints, driver, k)]
-        turned = driver["scratch"][0]
-        rotation_between(link["old_orientation"], link["orientation"], turned)
-        for i in range(3):
-            way, arc = link["center"][i] - link["old_center"][i], turned[i]
-            link["travel"][i], link["turn"][i] = h * link["old_velocity"][i], h * link["old_omega"][i]
-            link["travel_bend"][i] = (way / until - link["travel"][i]) / until
-            link["turn_bend"][i] = (arc / until - link["turn"][i]) / until
-        link["spin_steps"], link["spin_keeps"] = 0, KEEPS_NOTHING
+        set_way(bodies[link_of(joints, driver, k)], driver["scratch"][0], until, h)
 
 
 @kernel
 def way_error(bodies, joints, driver, link, s, h, dt):
     """Distance at the fraction s of a substep of length h between the motion of a driver's link and its
     exact pose, in which it leaves all links [m]."""
+    if driver["mechanism"] == 1:
+        return body_way_error(bodies, joints, driver, link, s, h)
     _advance(joints, driver, s * h, h, dt, 1.0)
     pose_links(bodies, joints, driver)
-    turned = driver["scratch"][0]
-    rotation_between(link["old_orientation"], link["orientation"], turned)
-    moved = arc = 0.0
-    for i in range(3):
-        way = s * (link["travel"][i] + s * link["travel_bend"][i])
-        moved += (link["center"][i] - link["old_center"][i] - way) ** 2
-        arc += (turned[i] - s * (link["turn"][i] + s * link["turn_bend"][i])) ** 2
-    return sqrt(moved) + sqrt(arc) * link["reach"]
+    return distance_to_way(link, driver["scratch"][0], s)
 
 
 @kernel
 def end_driver(bodies, joints, driver, s, h, dt):
     """End a driver's substep of length h at its fraction s, at its exact pose there."""
+    if driver["mechanism"] == 1:
+        end_mechanism(bodies, joints, driver, s, h)
+        return
     _advance(joints, driver, s * h, h, dt, 1.0)
     driver["clock"] += s * h
     drop_limits(joints, driver)

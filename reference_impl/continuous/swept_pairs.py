@@ -2,7 +2,7 @@
 
 from math import inf, sqrt
 
-from touchstone.reference_impl.broad_phase.detection import find_stops, place_listed
+from touchstone.reference_impl.broad_phase.detection import find_stops, place_listed, without_joined
 from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, inside_fat_bounds
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
 from touchstone.reference_impl.continuous.swept_motion import swept_box
@@ -36,7 +36,7 @@ def find_swept_pairs(world, kind, first):
     end, lost = find_pairs(pieces, kind, first, pairs, state)
     state["counters"][COUNT_LOST] += lost
     state["counters"][COUNT_PAIRS] += end - first
-    return find_stops(world, end, PRESSED) if kind == SIMULATED else end
+    return find_stops(world, without_joined(world, first, end), PRESSED) if kind == SIMULATED else end
 
 
 @kernel

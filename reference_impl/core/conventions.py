@@ -100,13 +100,22 @@ PRESSED, NEWLY_PRESSED = 1, 2
 """State of a driver in the loop that has touched a simulated body in this frame; first in this substep."""
 CHAIN_JOINTS = 16
 """Most hinges of a chain."""
-HINGE_BLOCKS = 12
+HINGE_BLOCKS = 20
 HINGE_CAPACITY = 6 * HINGE_BLOCKS
-"""Most hinges in the chains of a driver: blocks of six unknowns of the contact solver."""
+"""Most hinges in the chains of a driver, and most degrees of freedom of a mechanism: blocks of six unknowns
+of the contact solver."""
+CONFIGURATION = 2 * HINGE_CAPACITY
+"""Capacity for the positions of a mechanism's joints: of a ball joint 4 for 3 degrees of freedom."""
 POSTURE_CONSTRAINTS = 32
 """Constraints of one posture QP; the next QP takes the remaining points."""
 QP_TOLERANCE = 1e-8
 """Change of a depth in a sweep at which the QP has converged [m]: a hundredth of OVERLAP_TOLERANCE."""
+JOINT_HINGE, JOINT_SLIDER, JOINT_BALL, JOINT_FIXED, JOINT_FREE = 0, 1, 2, 3, 4
+"""Types of joints between bodies; a free one joins the first body of a mechanism to the world."""
+UNBOUNDED = 1e30
+"""Force or limit of a joint that it never reaches [N, N m, m or rad]."""
+LOOP_ROWS = 48
+"""Most constraints by which joints close loops of a mechanism."""
 PART_WHOLE, PART_ROOT = -2, -1
 """Parts of a driver: all of it, or the links in no chain; its chains count from 0."""
 MOVER_BODY, MOVER_DRIVER, MOVER_TRUNK = 0, 1, 2

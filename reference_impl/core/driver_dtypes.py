@@ -1,6 +1,12 @@
 """Structured types of joints, posture constraints and drivers."""
 
-from touchstone.reference_impl.core.conventions import CHAIN_JOINTS, HINGE_CAPACITY, POSTURE_CONSTRAINTS
+from touchstone.reference_impl.core.conventions import (
+    CHAIN_JOINTS,
+    CONFIGURATION,
+    HINGE_CAPACITY,
+    LOOP_ROWS,
+    POSTURE_CONSTRAINTS,
+)
 from touchstone.reference_impl.core.dtypes import MATRIX, QUATERNION, VECTOR, record
 
 CONE_CORNERS = 12
@@ -27,7 +33,7 @@ JOINT = record(
     target_angle="f8",  # of the tracker at the end of the frame
     goal_angle="f8",  # goal of the frame's attraction
     last_target_angle="f8",  # of the tracker at the start of the frame
-    target_rate="f8",
+    target_rate="f8",  # of the tracker, or of a motor
     # of a chain: deviation from its path without contact that forces of simulated bodies caused, and its rate
     offset="f8",
     offset_rate="f8",
@@ -81,6 +87,25 @@ JOINT = record(
     normal=VECTOR,  # of the plane through both corners
     foot=VECTOR,
     zero=VECTOR,  # mark at twist 0
+    # of a joint between bodies (`kinematics/mechanism.py`); `parent` is -1 of one with the world
+    type="i8",  # JOINT_*
+    width="i8",  # number of its rates
+    place="i8",  # its place among the positions of the mechanism
+    parent_anchor=VECTOR,  # from the bodies' centres of mass, in their axes; from the origin of the world
+    child_anchor=VECTOR,
+    answer="f8",  # inertia of the rate by which its spring and damper answer a force over a substep
+    child_axis=VECTOR,  # `axis` in the child's axes, of a hinge
+    rest_turn=QUATERNION,  # orientation of the child in the parent's axes at position 0
+    stiffness="f8",
+    damping="f8",
+    target="f8",
+    largest_force="f8",
+    columns=("f8", (6, 6)),  # velocity at the mechanism's `center` and angular velocity per rate
+    pull=VECTOR,  # force on what it moves, and torque about that centre [N, N m]
+    torque=VECTOR,
+    turned=QUATERNION,  # scratch
+    drift=VECTOR,  # acceleration of the child without change of the rates, and angular acceleration
+    spin_drift=VECTOR,
 )
 POSTURE_CONSTRAINT = record(
     piece_a="i8",  # of the pair
@@ -176,4 +201,38 @@ DRIVER = record(
     entry_orientation=QUATERNION,
     scratch=("f8", (3, 3)),
     sums=MATRIX,  # sums of Eq. 1 in profile `paper`
+    # of a mechanism, which is a row too: bodies that joints connect, moved by contact, gravity and joints
+    # alone; the first `joint_count` joints are those of its tree, those that close loops follow
+    mechanism="i8",  # 1: it is one
+    loop_count="i8",
+    gravity=VECTOR,
+    stiffened="i8",  # 1: its inertia includes what springs and dampers answer, `answer`
+    step_error="f8",  # of a step, in positions and in rates times its length [m or rad]
+    position_count="i8",
+    positions=("f8", (CONFIGURATION,)),
+    rates=("f8", (HINGE_CAPACITY,)),
+    start_positions=("f8", (CONFIGURATION,)),  # at the start of a substep
+    start_rates=("f8", (HINGE_CAPACITY,)),
+    gains=(
+        "f8",
+        (HINGE_CAPACITY,),
+    ),  # changes of rates by impulses over it: law of velocities, and of positions
+    has_path="i8",  # 1: the law of positions was solved
+    path_gains=("f8", (HINGE_CAPACITY,)),
+    force=("f8", (HINGE_CAPACITY,)),  # scratch: generalised forces
+    loop_rows="i8",  # independent constraints of its loops
+    loop_basis=(
+        "f8",
+        (LOOP_ROWS, HINGE_CAPACITY),
+    ),  # their orthonormal directions, in coordinates of unit mass
+    loop_factor=("f8", (LOOP_ROWS, LOOP_ROWS)),
+    loop_row=("i8", (LOOP_ROWS,)),  # which constraint each is
+    loop_error=("f8", (LOOP_ROWS,)),
+    loop_direction=("f8", (6,)),
+    slopes=("f8", (7, CONFIGURATION + HINGE_CAPACITY)),  # of Runge and Kutta
+    stage_start=("f8", (CONFIGURATION + HINGE_CAPACITY,)),
+    end_positions=("f8", (CONFIGURATION,)),  # at the end of a substep without impulses
+    end_rates=("f8", (HINGE_CAPACITY,)),
+    end_time="f8",  # its length, or -1 [s]
+    at_middle="i8",  # 1: columns and inertia are those at its middle
 )

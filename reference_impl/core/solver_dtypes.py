@@ -13,6 +13,9 @@ NEWTON_ROWS, NEWTON_MOVERS, NEWTON_BLOCKS = 2_048, 192, 5_000
 LINK_CAPACITY = 256
 """Most links of chains in contact in one island."""
 
+EVEN_ROWS = 48
+"""Most contact points of an island with a mechanism whose loads are evened out."""
+
 ROW = record(
     pair="i8",  # its row of `pairs`
     a="i8",  # index of the mover on each side, or -1 if that side does not move
@@ -96,6 +99,14 @@ SOLVER = record(
     rows=(ROW, (ROW_CAPACITY,)),
     face_count="i8",
     faces=("i8", (ROW_CAPACITY // 4, 4)),  # rows of the corners of each face (`face_load`)
+    joined="i8",  # 1: a mechanism is among the movers
+    even_count="i8",  # rows of such an island whose loads are evened out together, and rank of their motions
+    even_rank="i8",
+    even_rows=("i8", (EVEN_ROWS,)),
+    even_basis=("f8", (EVEN_ROWS, EVEN_ROWS)),  # orthonormal: loads that change velocities
+    even_load=("f8", (EVEN_ROWS,)),
+    stick_basis=("f8", (3 * EVEN_ROWS, 3 * EVEN_ROWS)),  # the same of impulses where all contacts stick
+    stick_load=("f8", (3 * EVEN_ROWS,)),
     movers=(MOVER, (MOVER_CAPACITY,)),
     links=(LINK, (LINK_CAPACITY,)),
     # a row's Jacobian: places of its blocks, and their 3 x 6 entries

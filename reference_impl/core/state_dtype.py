@@ -46,6 +46,7 @@ STATE = record(
     impact_gap="f8",  # gap at which an impact is found [m]
     v_rest="f8",  # upper limit of the approach speed without bounce [m/s]
     contact_turn="f8",  # largest turn of a curved contact within half a substep [rad]
+    joint_error="f8",  # error of a step of mechanisms [m or rad]
     event_rows="i8",  # contact rows of a frame's event-driven substeps, beyond which substeps are dense
     halvings="i8",  # halvings of substeps of the frame so far, whose curved contacts did not close
     calm_events="i8",  # substeps of the frame so far that ended early for the accuracy of curved contacts
@@ -62,6 +63,8 @@ STATE = record(
     led="i8",  # 1: islands obey the law of positions
     lead="f8",  # of the law that the rows of drivers ask (`driver_motion`) [1]; 0 in impacts
     separates="i8",  # 1 while separation solves for the least motion
+    mechanisms="i8",  # 1: joints connect bodies
+    driven_count="i8",  # rows of `drivers` that follow trackers; mechanisms come after them
     moving_surfaces="i8",  # 1: the material of a piece's surface moves
     # errors of a frame: each is 0 if the frame was resolved exactly
     missed="i8",  # 1: a warm start of this frame missed its target

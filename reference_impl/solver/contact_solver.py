@@ -54,7 +54,7 @@ from touchstone.reference_impl.solver.contact_rows import (
     take_best,
 )
 from touchstone.reference_impl.solver.envelope import lay_out
-from touchstone.reference_impl.solver.face_load import even_out, find_faces
+from touchstone.reference_impl.solver.face_load import even_out, even_stuck, find_faces
 from touchstone.reference_impl.solver.islands import (
     is_head,
     join_islands,
@@ -84,6 +84,8 @@ INTERIOR_FROM, INTERIOR_ROWS = 1e-5, 16
 """Residual after the first sweeps above which the interior-point method precedes Newton's method [m/s], and
 rows from which it does: Newton's method alone solves most smaller islands in as few factorisations, and keeps
 the solution of the substep before where Coulomb's law has several."""
+EVEN_SWEEPS = 16
+"""Most sweeps without friction before the first solve of an island with a mechanism."""
 
 
 @kernel
@@ -119,7 +121,8 @@ def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
             converged = solve_island(bodies, joints, drivers, pairs, lasting, state) and converged
     for d in range(len(drivers)):
         driver = drivers[d]
-        if lasting and driver["loops"] == 1 and driver["is_solved"] == 0 and has_limits(joints, driver):
+        alone = driver["loops"] == 1 and driver["is_solved"] == 0 and (lasting or driver["mechanism"] == 1)
+        if alone and has_limits(joints, driver):
             load_limits(joints, drivers, d, state["solver"])
             converged = solve_island(bodies, joints, drivers, pairs, lasting, state) and converged
     return converged
@@ -154,9 +157,14 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
         make_passive(solver)
     if residual > max(state["residual"], state["settling"]):
         _, worst = residual_of(solver)
-        pair = pairs[max(rows[max(worst, 0)]["pair"], 0)]
+        own = rows[max(worst, 0)]["pair"]
         state["residual"] = residual
-        state["residual_body_a"], state["residual_body_b"] = pair["body_a"], pair["body_b"]
+        if own >= 0:
+            state["residual_body_a"], state["residual_body_b"] = pairs[own]["body_a"], pairs[own]["body_b"]
+        else:
+            # the limit of a joint
+            joint = joints[-2 - own]
+            state["residual_body_a"], state["residual_body_b"] = joint["parent"], joint["child"]
     store_island(bodies, joints, drivers, pairs, state)
     return residual <= accepted
 
@@ -227,8 +235,49 @@ def solve_loaded(solver, state):
             least = max(STEADY_SHARE * RESIDUAL_TARGET, STEADY_ROUNDINGS * _rounding(solver))
             solver["target"] = min(RESIDUAL_TARGET, least)
     if not residual <= solver["target"]:
+        if solver["even_count"] > 0 and _is_unloaded(solver):
+            _load_evenly(solver, state)
         _iterate(solver, state)
         take_best(solver)
+    # where friction sticks, corners keep the loads that they had when it began to
+    solved = solver["even_count"] > 0 and solver["best_residual"] <= solver["target"]
+    if solved and even_stuck(solver):
+        for k in range(solver["row_count"]):
+            into_cone(solver["rows"][k])
+        rebuild(solver)
+        residual, _ = residual_of(solver)
+        solver["best_residual"] = inf
+        keep_best(solver, residual)
+        if not residual <= solver["target"]:
+            _iterate(solver, state)
+            take_best(solver)
+
+
+@kernel
+def _is_unloaded(solver):
+    """Whether no row has an impulse."""
+    for k in range(solver["row_count"]):
+        p = solver["rows"][k]["impulse"]
+        if p[0] != 0 or p[1] != 0 or p[2] != 0:
+            return False
+    return True
+
+
+@kernel
+def _load_evenly(solver, state):
+    """Start from the most even loads without friction: where joints hold a body against turning, friction on
+    any loads obeys Coulomb's law, also on those of the first corners that a sweep visits."""
+    rows, kept = solver["rows"], solver["stick_load"]
+    for k in range(solver["even_count"]):
+        row = rows[solver["even_rows"][k]]
+        kept[k], row["friction"] = row["friction"], 0.0
+    _sweep(solver, state, EVEN_SWEEPS)
+    even_out(solver)
+    for k in range(solver["even_count"]):
+        rows[solver["even_rows"][k]]["friction"] = kept[k]
+    solver["best_residual"] = inf
+    residual, _ = residual_of(solver)
+    keep_best(solver, residual)
 
 
 @kernel

@@ -19,20 +19,33 @@ are taken at the driver's centre of mass.
 
 from math import sqrt
 
+from touchstone.reference_impl.continuous.mechanism_dynamics import (
+    factorise,
+    keep_loops,
+    solve_lower,
+    weigh_mechanism,
+)
+from touchstone.reference_impl.continuous.mechanism_motion import take_gains
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import cross, dot, invert_symmetric, rotate
+from touchstone.reference_impl.kinematics.mechanism import pose_mechanism
 from touchstone.reference_impl.kinematics.skeleton import composite_inertia
 
 
 @kernel
 def weigh_hinges(bodies, joints, driver):
-    """Compute a driver's composite centre and inertia, and factorise S, at its present posture."""
+    """Compute a driver's composite centre and inertia, and factorise S, at its present posture; of a
+    mechanism, the inertia of its rates."""
+    if driver["mechanism"] == 1:
+        pose_mechanism(bodies, joints, driver)
+        weigh_mechanism(bodies, joints, driver)
+        return
     composite_inertia(bodies, joints, driver, driver["center"], driver["inertia"])
     invert_symmetric(driver["inertia"], driver["inverse_inertia"])
     if driver["loops"] == 1 and driver["hinge_count"] > 0:
         _sum_moved(bodies, joints, driver)
         _set_inertia(bodies, joints, driver)
-        _factorise(driver["hinge_factor"], driver["hinge_count"])
+        factorise(driver["hinge_factor"], driver["hinge_count"])
 
 
 @kernel
@@ -105,23 +118,16 @@ def _set_inertia(bodies, joints, driver):
 
 
 @kernel
-def _factorise(s, count):
-    """Cholesky factor of the leading (count, count) matrix, in place of its lower half."""
-    for i in range(count):
-        for j in range(i + 1):
-            total = s[i, j]
-            for k in range(j):
-                total -= s[i, k] * s[j, k]
-            s[i, j] = sqrt(total) if i == j else total / s[j, j]
-
-
-@kernel
 def set_response(joints, driver, k, out_link):
     """Compute the velocities of what hinge k moves, at the driver's centre of mass, per coordinate of its
-    hinges."""
+    hinges; or of a body of a mechanism, at its centre of mass."""
     z = out_link["response"]
     out_link["blocks"] = (driver["hinge_count"] + 5) // 6
     z[:, :, :] = 0.0
+    if driver["mechanism"] == 1:
+        _set_columns(joints, k, z)
+        _solve_lower(driver, out_link)
+        return
     while k >= 0:
         joint, c = joints[k], joints[k]["coordinate"]
         if c >= 0:
@@ -135,6 +141,21 @@ def set_response(joints, driver, k, out_link):
                 z[c // 6, c % 6, i] -= joint["recoil"][i]
                 z[c // 6, c % 6, 3 + i] -= joint["recoil_turn"][i]
     _solve_lower(driver, out_link)
+
+
+@kernel
+def _set_columns(joints, k, out_z):
+    """Velocities of the child of joint k of a mechanism, at its centre of mass, per rate."""
+    arm = joints[k]["arm"]
+    while k >= 0:
+        joint = joints[k]
+        for j in range(joint["width"]):
+            c, s = joint["coordinate"] + j, joint["columns"][j]
+            w = (s[3], s[4], s[5])
+            v = cross(w, arm)
+            for i in range(3):
+                out_z[c // 6, c % 6, i], out_z[c // 6, c % 6, 3 + i] = s[i] + v[i], w[i]
+        k = joint["inner"]
 
 
 @kernel
@@ -163,10 +184,24 @@ def _solve_lower(driver, link):
                     row[i] -= factor * other[i]
         for i in range(6):
             row[i] /= s[c, c]
+    _keep_loops(driver, z)
     for b in range(link["blocks"]):
         for c in range(6):
             for i in range(6):
                 z[b, c, i] *= root
+
+
+@kernel
+def _keep_loops(driver, z):
+    """Remove from a response what opens loops of a mechanism."""
+    for j in range(driver["loop_rows"]):
+        basis = driver["loop_basis"][j]
+        for i in range(6):
+            along = 0.0
+            for c in range(driver["hinge_count"]):
+                along += basis[c] * z[c // 6, c % 6, i]
+            for c in range(driver["hinge_count"]):
+                z[c // 6, c % 6, i] -= along * basis[c]
 
 
 @kernel
@@ -221,3 +256,25 @@ def turn_at_once(joints, driver):
         v[2] -= rate * (joint["recoil"][2] + z)
         for i in range(3):
             w[i] -= rate * r[i]
+
+
+@kernel
+def push_joints(bodies, joints, driver, b, point, px, py, pz):
+    """Change the rates of a mechanism by an impulse (px, py, pz) [N s] at a point of its body b."""
+    x, o, count = driver["hinge_response"], bodies[b]["center"], driver["hinge_count"]
+    k = bodies[b]["hinge"]
+    r = (point[0] - o[0], point[1] - o[1], point[2] - o[2])
+    r = (r[0] + joints[k]["arm"][0], r[1] + joints[k]["arm"][1], r[2] + joints[k]["arm"][2])
+    for i in range(count):
+        x[i] = 0.0
+    while k >= 0:
+        joint = joints[k]
+        for j in range(joint["width"]):
+            s = joint["columns"][j]
+            v = cross((s[3], s[4], s[5]), r)
+            x[joint["coordinate"] + j] = (s[0] + v[0]) * px + (s[1] + v[1]) * py + (s[2] + v[2]) * pz
+        k = joint["inner"]
+    solve_lower(driver["hinge_factor"], count, x)
+    keep_loops(driver, x)
+    find_rates(driver)
+    take_gains(bodies, joints, driver)

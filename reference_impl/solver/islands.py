@@ -7,6 +7,7 @@ body. The hinges of a driver's chains are further movers of the solver, in block
 from math import sqrt
 
 from touchstone.reference_impl.continuous.hinge_motion import LIMIT_ROUNDING, limit_gap
+from touchstone.reference_impl.continuous.mechanism_motion import take_gains
 from touchstone.reference_impl.core.conventions import HINGE_BLOCKS, NO_FLOOR, SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
@@ -22,6 +23,10 @@ from touchstone.reference_impl.solver.hinge_response import (
 )
 from touchstone.reference_impl.solver.link_rows import add_link_mobility
 from touchstone.reference_impl.solver.mobility import contact_mobility, meeting_velocity, point_velocity
+
+LOCKED = 1e-9
+"""Mobility along a direction in which joints hold a body, over that in all directions [1]: it keeps a row's
+own solution finite, and vanishes from that of all rows."""
 
 
 @kernel
@@ -50,6 +55,9 @@ def join_islands(bodies, drivers, pairs, count, flying):
             m = mover_of(bodies, drivers, pair["body_a"] if side == 0 else pair["body_b"])
             if m >= 0:
                 bodies[m]["island"], bodies[m]["first_row"] = m, -1
+    for b in range(len(bodies)):
+        if is_joined(bodies, drivers, b):
+            bodies[b]["island"] = drivers[bodies[b]["driver"]]["root"]
     for k in range(count):
         pair = pairs[k]
         if pair["floor"] == NO_FLOOR and not flying:
@@ -97,6 +105,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
     for d in range(len(drivers)):
         drivers[d]["hinge_mover"] = -1
     solver["row_count"] = solver["mover_count"] = solver["link_count"] = solver["led"] = 0
+    solver["joined"] = 0
     k = head
     while k >= 0:
         pair, own = pairs[k], k
@@ -133,6 +142,16 @@ def load_island(bodies, joints, drivers, pairs, head, state):
         contact_mobility(bodies, drivers, pair, row["mobility"])
         if row["link_a"] >= 0 or row["link_b"] >= 0:
             _add_links(solver, row)
+        if is_joined(bodies, drivers, pair["body_a"]) or is_joined(bodies, drivers, pair["body_b"]):
+            w = row["mobility"]
+            trace = w[0, 0] + w[1, 1] + w[2, 2]
+            if not trace > 0:
+                # nothing moves it
+                solver["row_count"] = n
+                continue
+            for i in range(3):
+                w[i, i] += LOCKED * trace
+            solver["joined"] = 1
         prepare_row(row)
     for d in range(len(drivers)):
         if drivers[d]["hinge_mover"] >= 0:
@@ -185,10 +204,15 @@ def _add_links(solver, row):
 
 @kernel
 def _load_mover(bodies, drivers, b, point, solver, out_r):
-    """Index of body b's mover in the solver; `out_r` leads from its centre of mass to the contact point."""
+    """Index of body b's mover in the solver; `out_r` leads from its centre of mass to the contact point. A
+    mechanism has blocks of its rates alone."""
     m = mover_of(bodies, drivers, b)
     if m < 0:
         out_r[:] = 0.0
+        return -1
+    if is_joined(bodies, drivers, b):
+        for i in range(3):
+            out_r[i] = point[i] - bodies[b]["center"][i]
         return -1
     index = bodies[m]["mover"]
     if index < 0:
@@ -212,7 +236,7 @@ def _load_mover(bodies, drivers, b, point, solver, out_r):
 
 @kernel
 def _load_link(bodies, joints, drivers, b, solver):
-    """Index of body b in the solver if hinges of chains move it, or -1."""
+    """Index of body b in the solver if hinges of chains, or joints, move it, or -1."""
     body = bodies[b]
     if body["driver"] < 0 or body["hinge"] < 0 or drivers[body["driver"]]["loops"] == 0:
         return -1
@@ -248,7 +272,7 @@ def load_limits(joints, drivers, d, solver):
     for k in range(len(drivers)):
         drivers[k]["hinge_mover"] = -1
     solver["row_count"] = solver["mover_count"] = solver["link_count"] = 0
-    solver["led"] = 1
+    solver["led"], solver["joined"] = 1, 0
     _load_hinges(joints, drivers[d], solver)
     _load_limits(joints, drivers[d], solver)
 
@@ -265,6 +289,12 @@ def _copy_mass(inverse_inertia, center, mover):
 def loops(bodies, drivers, b):
     """Whether body b is a link of a driver that moves in the simulated loop."""
     return bodies[b]["driver"] >= 0 and drivers[bodies[b]["driver"]]["loops"] == 1
+
+
+@kernel
+def is_joined(bodies, drivers, b):
+    """Whether body b is one of a mechanism."""
+    return bodies[b]["driver"] >= 0 and drivers[bodies[b]["driver"]]["mechanism"] == 1
 
 
 @kernel
@@ -296,7 +326,9 @@ def _add_lead(bodies, drivers, pair, lead, out_velocity):
     for side in range(2):
         body, sign = bodies[b if side else a], 1.0 if side else -1.0
         p = pair["lever_b"] if side else pair["lever_a"]
-        if body["kind"] == SIMULATED:
+        if lead == 1 and is_joined(bodies, drivers, b if side else a):
+            x, y, z = point_velocity(body["lead_velocity"], body["lead_omega"], body["center"], p)
+        elif body["kind"] == SIMULATED:
             x, y, z = point_velocity(body["old_velocity"], body["old_omega"], body["center"], p)
             sign *= lead
         elif loops(bodies, drivers, b if side else a):
@@ -357,6 +389,9 @@ def _turn_hinges(bodies, joints, driver):
     """Change the rates of a driver's hinges by the coordinates in `hinge_response`, or note the change by an
     impulse at one instant of which they are the response over a substep."""
     find_rates(driver)
+    if driver["mechanism"] == 1:
+        take_gains(bodies, joints, driver)
+        return
     if driver["lasting"] == 0:
         turn_at_once(joints, driver)
         move_links(bodies, joints, driver)

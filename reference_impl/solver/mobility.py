@@ -7,7 +7,7 @@ import numpy as np
 from touchstone.reference_impl.continuous.contact_motion import set_surface_motion
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.kinematics.skeleton import move_links
-from touchstone.reference_impl.solver.hinge_response import push_hinges
+from touchstone.reference_impl.solver.hinge_response import push_hinges, push_joints
 
 
 class MassProperties(NamedTuple):
@@ -115,7 +115,7 @@ def contact_mobility(bodies, drivers, pair, out_mobility):
         point = pair["lever_a"] if side == 0 else pair["lever_b"]
         if body["driver"] >= 0:
             driver = drivers[body["driver"]]
-            if driver["inverse_mass"] > 0:
+            if driver["inverse_mass"] > 0 and driver["mechanism"] == 0:
                 moved = MassProperties(driver["inverse_mass"], driver["inverse_inertia"], driver["center"])
                 _add_mobility(moved, point, out_mobility)
         elif body["inverse_mass"] > 0:
@@ -150,6 +150,9 @@ def apply_impulse(bodies, joints, drivers, b, point, px, py, pz):
     if body["driver"] >= 0:
         driver = drivers[body["driver"]]
         if driver["inverse_mass"] == 0:
+            return
+        if driver["mechanism"] == 1:
+            push_joints(bodies, joints, driver, b, point, px, py, pz)
             return
         moved = MassProperties(driver["inverse_mass"], driver["inverse_inertia"], driver["center"])
         c, v, reference = driver["center"], driver["velocity"], driver["position"]

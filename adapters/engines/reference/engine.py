@@ -41,6 +41,7 @@ from touchstone.reference_impl.paper import attraction, ccd_ik, impulses, overla
 from touchstone.reference_impl.paper import frame as paper_frame
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
+from touchstone.scenarios.body_joints import is_limited
 from touchstone.scenarios.scenario import UNMOVED, Scenario
 
 STAGES = ("drive", "removal", "contact", "rotation")
@@ -86,6 +87,7 @@ class ReferenceEngine:
 
     name: ClassVar[str] = "reference"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["reference"].profiles
+    plays_body_joints: ClassVar[bool] = True
 
     def version(self) -> str:
         """Version of this project."""
@@ -99,6 +101,8 @@ class ReferenceEngine:
             raise Unsupported("reference: the method of profile paper has no prescribed bodies")
         if settings.profile == PAPER and any(map(surface_moves, scenario.bodies)):
             raise Unsupported("reference: the method of profile paper has no moving surfaces")
+        if settings.profile == PAPER and scenario.body_joints:
+            raise Unsupported("reference: the method of profile paper has no joints between bodies")
         compile_seconds()
         return _World(scenario, settings, self.version())
 
@@ -131,12 +135,15 @@ def _targets(world: World, motions: Sequence[TrackerMotion]) -> list[tuple[np.nd
     if not motions:
         return []
     names = ("position", "orientation", "linear_velocity", "angular_velocity")
+    drivers, hinges = world.drivers[: len(motions)], sum(motion.angle.shape[1] for motion in motions)
     poses = np.stack([np.hstack([getattr(m, name) for name in names]) for m in motions], axis=1)
     shown = np.concatenate([poses[:-1], poses[1:]], axis=2)
-    found = [(structured_to_unstructured(world.drivers[list(TARGETS)], copy=False), list(shown))]
-    if len(world.joints):
+    found = [(structured_to_unstructured(drivers[list(TARGETS)], copy=False), list(shown))]
+    if hinges:
         angles, rates = (np.hstack([getattr(m, name)[1:] for m in motions]) for name in ("angle", "rate"))
-        joints = structured_to_unstructured(world.joints[["target_angle", "target_rate"]], copy=False)
+        joints = structured_to_unstructured(
+            world.joints[:hinges][["target_angle", "target_rate"]], copy=False
+        )
         found.append((joints, list(np.stack([angles, rates], axis=2))))
     return found
 
@@ -178,13 +185,16 @@ class _World:
         self._stages = np.zeros(len(counters.STAGES))
         prepare, self._step, self._cross = _entry_points(settings.profile)
         prepare(*self._world)
-        if not self._world.drivers["has_free"].all():
+        if not self._world.drivers["has_free"][: len(scenario.trackers)].all():
             self._refuse_stuck()
 
     def _leave_out(self, settings: Settings) -> None:
         """Disable the stages that the plan of the scene leaves out."""
-        self._state["update_fat_bounds"] = settings.fat_bounds
+        self._state["update_fat_bounds"] = settings.fat_bounds and not self._scenario.body_joints
+        limited = any(map(is_limited, self._scenario.body_joints))
         for stage in settings.skipped:
+            if stage == "contact" and limited:
+                continue
             if stage == "sweep":
                 self._state["detection"] = conventions.DETECTION_DISCRETE
             else:
@@ -234,7 +244,8 @@ class _World:
         if self._reordered:
             fields = (field[self._rows] for field in fields)
         state.position[:], state.orientation[:], state.linear_velocity[:], state.angular_velocity[:] = fields
-        state.joint_angle[:], state.joint_rate[:] = joints["angle"], joints["rate"]
+        hinges = joints[: len(state.joint_angle)]
+        state.joint_angle[:], state.joint_rate[:] = hinges["angle"], hinges["rate"]
         units = self._units
         if units.time != 1:
             state.position[:] *= units.length
@@ -302,6 +313,9 @@ class _World:
         }
         names = [name for tracker in scenario.trackers for name in tracker.joints]
         pairs = tuple(self._pair(a, b) for a, b in scenario.touching_pairs())
+        free = (world.bodies["kind"] == conventions.SIMULATED) & (world.bodies["driver"] < 0)
+        mechanisms = world.drivers[len(scenario.trackers) :]
+        joined = int((mechanisms["hinge_count"] - mechanisms["loop_rows"]).sum())
         return Manifest(
             ReferenceEngine.name,
             self._version,
@@ -315,8 +329,7 @@ class _World:
             pieces={
                 b.name: int((world.pieces["body"] == k).sum()) for k, b in zip(self._rows, scenario.bodies)
             },
-            freedom=6 * (int((world.bodies["kind"] == conventions.SIMULATED).sum()) + len(drives))
-            + len(names),
+            freedom=6 * (int(free.sum()) + len(drives)) + len(names) + joined,
         )
 
     def _pair(self, a: int, b: int) -> PairFacts:

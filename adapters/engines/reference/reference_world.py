@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Unsupported, contact_capacity
+from touchstone.adapters.engines.reference.mechanisms import with_mechanisms
 from touchstone.adapters.engines.reference.support_table import distinct, hull_rows, hull_width
 from touchstone.adapters.motion_bounds import extent
 from touchstone.reference_impl.core import conventions
@@ -141,12 +142,15 @@ def translate(scenario: Scenario) -> World:
     pieces, vertices = _pieces(scenario)
     for row, (body, piece) in zip(pieces, ((b, p) for b in scenario.bodies for p in b.pieces)):
         row["surface_velocity"], row["surface_omega"] = surface_motion(piece, np.array(body.center_of_mass))
-    joints = _joints(scenario)
+    bodies, joints, drivers = _bodies(scenario, pieces), _joints(scenario), _drivers(scenario)
+    driven = len(drivers), len(joints)
+    if scenario.body_joints:
+        joints, drivers = with_mechanisms(scenario, bodies, joints, drivers)
     world = World(
-        bodies=_bodies(scenario, pieces),
+        bodies=bodies,
         pieces=pieces,
         joints=joints,
-        drivers=_drivers(scenario),
+        drivers=drivers,
         vertices=vertices,
         pairs=np.zeros(pair_capacity(scenario), PAIR),
         contacts=np.zeros(contact_capacity(scenario), CONTACT),
@@ -156,11 +160,12 @@ def translate(scenario: Scenario) -> World:
     world.pairs["surface_a"] = world.pairs["surface_b"] = conventions.NO_MOTION
     world.state["random"] = scenario.seed % (conventions.RANDOM_PRIME - 1) + 1
     world.state["self_collision"] = "self_collision" in scenario.effects
+    world.state["mechanisms"], world.state["driven_count"] = len(drivers) > driven[0], driven[0]
     others = world.bodies["kind"] != conventions.DRIVEN
     world.state["moving_surfaces"] = any(map(surface_moves, scenario.bodies))
     world.state["least_width"] = world.bodies["width"][others].min(initial=np.inf)
     _set_chains(scenario, world)
-    _set_links(scenario, world)
+    _set_links(scenario, world, driven[1])
     _set_coefficients(scenario, world)
     return world
 
@@ -195,7 +200,7 @@ def _bodies(scenario: Scenario, pieces: np.ndarray) -> np.ndarray:
     for row, body, group in zip(bodies, scenario.bodies, scenario.groups()):
         row["kind"] = KINDS[body.kind]
         row["driver"] = group
-        row["chain"] = row["hinge"] = row["above"] = -1
+        row["chain"] = row["hinge"] = row["above"] = row["beside"] = -1
         row["material"] = materials.index(body.material)
         row["mass"] = body.mass
         row["inverse_mass"] = 1 / body.mass if body.kind == "simulated" else 0.0
@@ -351,11 +356,11 @@ def _set_chains(scenario: Scenario, world: World) -> None:
             row["twist_lower"], row["twist_upper"] = cone.twist
 
 
-def _set_links(scenario: Scenario, world: World) -> None:
+def _set_links(scenario: Scenario, world: World, hinges: int) -> None:
     """Set the chain and the hinge that move each link, and its nearest ancestor with pieces."""
     bodies = world.bodies
     parent: dict[int, int] = {}
-    for k, joint in enumerate(world.joints):
+    for k, joint in enumerate(world.joints[:hinges]):
         link, inner = int(joint["child"]), int(joint["parent"])
         parent[link] = inner
         if joint["chain"] >= 0:

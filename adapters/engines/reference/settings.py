@@ -62,6 +62,15 @@ _TABLE: tuple[Setting, ...] = (
         "largest turn of a curved contact within half a substep",
         whole=False,
     ),
+    Range(
+        "joint_error",
+        1e-14,
+        1e-3,
+        "",
+        ("1e-09", "1e-12"),
+        "error of a step of bodies that joints connect, in positions of joints [m or rad]",
+        whole=False,
+    ),
     Choice(
         "removal",
         {"eq1": conventions.REMOVAL_EQ1, "least_motion": conventions.REMOVAL_LEAST_MOTION},

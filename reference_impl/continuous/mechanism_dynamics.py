@@ -1,0 +1,523 @@
+"""Equations of motion of mechanisms in the rates q' of their trees' joints (ours; Featherstone 2008).
+
+    M q'' = Q + G' l,    G q'' = -c
+
+M is the joint-space inertia by composite bodies, Q the forces of gravity, joints, and rotation, G the rates
+at which the joints of loops part, and c their acceleration at q'' = 0. With M = L L', y = L' q' are
+coordinates of unit mass. In these, loops leave what is perpendicular to the columns of A = L^-1 G': their
+orthonormal basis has no row for a constraint that depends on others, so redundant loops share their forces in
+the sense of least squares.
+"""
+
+from math import expm1, sqrt
+
+from touchstone.reference_impl.continuous.coupling_response import unit_response
+from touchstone.reference_impl.core.conventions import (
+    JOINT_BALL,
+    JOINT_FIXED,
+    JOINT_FREE,
+    JOINT_HINGE,
+    JOINT_SLIDER,
+    LOOP_ROWS,
+)
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import conjugate_by, cross, dot, plus, rotate, times, vector_of
+from touchstone.reference_impl.kinematics.mechanism import (
+    add_rates,
+    child_point,
+    hinge_angle,
+    in_parent,
+    loop_gap,
+    loop_rates,
+    move_mechanism,
+    parent_point,
+    pose_mechanism,
+    world_axis,
+)
+
+DEPENDENT = 1e-6
+"""Part of a constraint that others do not imply below which it is redundant [1]: rounding of close angles."""
+LEAST_ANSWER = 1 / 64
+"""Least response of a joint with a spring over that without it [1]: one that swings within a substep may have
+none at its end."""
+CLOSINGS = 3
+"""Newton's iterations that close loops: each squares the error."""
+
+
+@kernel
+def factorise(s, count):
+    """Cholesky factor of the leading (count, count) matrix, in place of its lower half."""
+    for i in range(count):
+        for j in range(i + 1):
+            total = s[i, j]
+            for k in range(j):
+                total -= s[i, k] * s[j, k]
+            s[i, j] = sqrt(total) if i == j else total / s[j, j]
+
+
+@kernel
+def weigh_mechanism(bodies, joints, driver):
+    """Factorise the inertia of a mechanism and the constraints of its loops, at its bodies' present poses."""
+    first, end, c = driver["first_joint"], driver["first_joint"] + driver["joint_count"], driver["center"]
+    s = driver["hinge_factor"]
+    for k in range(first, end):
+        joint = joints[k]
+        body, inertia = bodies[joint["child"]], joint["moved_inertia"]
+        conjugate_by(body["rotation"], body["inertia"], inertia)
+        r = plus(body["center"], -1.0, c)
+        square = dot(r, r)
+        joint["moved_mass"] = body["mass"]
+        for i in range(3):
+            joint["moved_moment"][i] = body["mass"] * r[i]
+            for j in range(3):
+                inertia[i, j] += body["mass"] * ((square if i == j else 0.0) - r[i] * r[j])
+    for k in range(end - 1, first - 1, -1):
+        joint = joints[k]
+        _weigh_columns(joints, joint, s)
+        if joint["inner"] >= 0:
+            inner = joints[joint["inner"]]
+            inner["moved_mass"] += joint["moved_mass"]
+            for i in range(3):
+                inner["moved_moment"][i] += joint["moved_moment"][i]
+                for j in range(3):
+                    inner["moved_inertia"][i, j] += joint["moved_inertia"][i, j]
+    if driver["stiffened"] == 1:
+        for k in range(first, end):
+            for j in range(joints[k]["width"]):
+                s[joints[k]["coordinate"] + j, joints[k]["coordinate"] + j] += joints[k]["answer"]
+    factorise(s, driver["hinge_count"])
+    _set_loops(bodies, joints, driver)
+
+
+@kernel
+def answer_step(joints, driver, h):
+    """Let springs and dampers answer as in an implicit step of length h: h D + h^2 K."""
+    driver["stiffened"] = 1
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        joint["answer"] = 0.0
+        if joint["type"] == JOINT_BALL:
+            joint["answer"] = h * joint["damping"]
+        elif _is_free(joint, driver):
+            joint["answer"] = h * joint["damping"] + h * h * joint["stiffness"]
+
+
+@kernel
+def answer_forces(bodies, joints, driver, h, lead):
+    """Let springs and dampers answer a force that is even over a time h, in rates at its end, or in twice
+    their mean if `lead` is 1; weighs the mechanism again if there are any.
+
+    Of a rate with the mobility m, the response falls from h m to H m, or from h^2 m / 2 to G m
+    (`coupling_response`): so does that of all rates to one damper, whose term has rank one.
+    """
+    found, x = False, driver["force"]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        joint["answer"] = 0.0
+        if joint["type"] != JOINT_BALL and not _is_free(joint, driver):
+            continue
+        if joint["stiffness"] == 0 and joint["damping"] == 0:
+            continue
+        found = True
+        for i in range(driver["hinge_count"]):
+            x[i] = 0.0
+        x[joint["coordinate"]] = 1.0
+        solve_lower(driver["hinge_factor"], driver["hinge_count"], x)
+        keep_loops(driver, x)
+        m = 0.0
+        for i in range(driver["hinge_count"]):
+            m += x[i] * x[i]
+        share = _answer(joint["stiffness"] * m, joint["damping"] * m, h, lead)
+        if m > 0:
+            joint["answer"] = (1 / max(share, LEAST_ANSWER) - 1) / m
+    if found:
+        driver["stiffened"] = 1
+        weigh_mechanism(bodies, joints, driver)
+        driver["stiffened"] = 0
+
+
+@kernel
+def _answer(stiffness, damping, h, lead):
+    """Response of a damped spring of unit mass to a force over a time h, over that without it [1]."""
+    a = damping * h
+    if stiffness == 0:
+        speed = -expm1(-a) / a
+        # (1 - speed) / a would cancel
+        moved = (1 - speed) / a if a > 1e-4 else 0.5 - a / 6
+        return 2 * moved if lead == 1 else speed
+    moved, speed = unit_response(stiffness, damping, h)
+    return 2 * moved / (h * h) if lead == 1 else speed / h
+
+
+@kernel
+def _is_free(joint, driver):
+    """Whether a joint's own force is below its largest."""
+    if joint["width"] != 1:
+        return False
+    x, rate = driver["positions"][joint["place"]], driver["rates"][joint["coordinate"]]
+    force = joint["stiffness"] * (joint["target"] - x) + joint["damping"] * (joint["target_rate"] - rate)
+    return abs(force) < joint["largest_force"]
+
+
+@kernel
+def _weigh_columns(joints, joint, s):
+    """Compute the rows of the inertia of a joint's rates."""
+    m, h = joint["moved_mass"], joint["moved_moment"]
+    for j in range(joint["width"]):
+        u, row = joint["columns"][j], joint["coordinate"] + j
+        v, w = (u[0], u[1], u[2]), (u[3], u[4], u[5])
+        # momentum of all that it moves, and angular momentum about the centre
+        p = plus(times(m, v), 1.0, cross(w, h))
+        x, y, z = cross(h, v)
+        spin = joint["spin"]
+        rotate(joint["moved_inertia"], w, spin)
+        spin[0], spin[1], spin[2] = spin[0] + x, spin[1] + y, spin[2] + z
+        for i in range(j + 1):
+            s[row, joint["coordinate"] + i] = _power(joint["columns"][i], p, spin)
+        for i in range(joint["coordinate"]):
+            s[row, i] = 0.0
+        k = joint["inner"]
+        while k >= 0:
+            for i in range(joints[k]["width"]):
+                s[row, joints[k]["coordinate"] + i] = _power(joints[k]["columns"][i], p, spin)
+            k = joints[k]["inner"]
+
+
+@kernel
+def _power(u, force, torque):
+    return (
+        u[0] * force[0]
+        + u[1] * force[1]
+        + u[2] * force[2]
+        + u[3] * torque[0]
+        + u[4] * torque[1]
+        + u[5] * torque[2]
+    )
+
+
+@kernel
+def solve_lower(s, count, x):
+    """x = L^-1 x."""
+    for i in range(count):
+        total = x[i]
+        for j in range(i):
+            total -= s[i, j] * x[j]
+        x[i] = total / s[i, i]
+
+
+@kernel
+def solve_upper(s, count, x):
+    """x = L'^-1 x."""
+    for i in range(count - 1, -1, -1):
+        total = x[i]
+        for j in range(i + 1, count):
+            total -= s[j, i] * x[j]
+        x[i] = total / s[i, i]
+
+
+@kernel
+def add_rows(joints, b, bodies, point, out_row, u, sign):
+    """Add to `out_row` per rate of a mechanism the rate, by factors u, of body b's velocity at a point and of
+    its angular velocity, times a sign."""
+    if b < 0 or bodies[b]["driver"] < 0:
+        return
+    n, turn = (u[0], u[1], u[2]), (u[3], u[4], u[5])
+    k = bodies[b]["hinge"]
+    while k >= 0:
+        joint, first = joints[k], joints[k]["coordinate"]
+        for j in range(joint["width"]):
+            s = joint["columns"][j]
+            w = (s[3], s[4], s[5])
+            v = plus((s[0], s[1], s[2]), 1.0, cross(w, point))
+            out_row[first + j] += sign * (dot(n, v) + dot(turn, w))
+        k = joint["inner"]
+
+
+@kernel
+def _set_loops(bodies, joints, driver):
+    """Orthonormal basis of the constraints of loops, by Gram and Schmidt, twice."""
+    driver["loop_rows"] = 0
+    first, count, o = driver["first_joint"] + driver["joint_count"], driver["hinge_count"], driver["center"]
+    x, u = driver["force"], driver["loop_direction"]
+    for k in range(first, first + driver["loop_count"]):
+        joint = joints[k]
+        point = plus(child_point(bodies, joint), -1.0, o)
+        for c in range(6):
+            n = driver["loop_rows"]
+            if n == LOOP_ROWS or not loop_rates(bodies, joint, c, u):
+                continue
+            for i in range(count):
+                x[i] = 0.0
+            add_rows(joints, joint["child"], bodies, point, x, u, 1.0)
+            add_rows(joints, joint["parent"], bodies, point, x, u, -1.0)
+            solve_lower(driver["hinge_factor"], count, x)
+            # at least what the child alone would answer: a constraint that the tree keeps is all rounding
+            inertia = bodies[joint["child"]]["inertia"]
+            whole = 1 / bodies[joint["child"]]["mass"]
+            if c >= 3:
+                whole = 3 / (inertia[0, 0] + inertia[1, 1] + inertia[2, 2])
+            square = 0.0
+            for i in range(count):
+                square += x[i] * x[i]
+            whole = max(whole, square)
+            r = driver["loop_factor"]
+            for j in range(n):
+                r[n, j] = 0.0
+            for _ in range(2):
+                for j in range(n):
+                    along = 0.0
+                    for i in range(count):
+                        along += driver["loop_basis"][j, i] * x[i]
+                    r[n, j] += along
+                    for i in range(count):
+                        x[i] -= along * driver["loop_basis"][j, i]
+            left = 0.0
+            for i in range(count):
+                left += x[i] * x[i]
+            if left <= DEPENDENT * DEPENDENT * whole:
+                continue
+            r[n, n] = sqrt(left)
+            for i in range(count):
+                driver["loop_basis"][n, i] = x[i] / r[n, n]
+            driver["loop_row"][n] = 6 * k + c
+            driver["loop_rows"] = n + 1
+
+
+@kernel
+def keep_loops(driver, x):
+    """Remove from coordinates of unit mass what opens loops."""
+    for j in range(driver["loop_rows"]):
+        along = 0.0
+        for i in range(driver["hinge_count"]):
+            along += driver["loop_basis"][j, i] * x[i]
+        for i in range(driver["hinge_count"]):
+            x[i] -= along * driver["loop_basis"][j, i]
+
+
+@kernel
+def _answer_errors(driver, x):
+    """Add to coordinates of unit mass, which open no loop, the least that opens them by `loop_error`."""
+    r, error = driver["loop_factor"], driver["loop_error"]
+    for j in range(driver["loop_rows"]):
+        for i in range(j):
+            error[j] -= r[j, i] * error[i]
+        error[j] /= r[j, j]
+        for i in range(driver["hinge_count"]):
+            x[i] += error[j] * driver["loop_basis"][j, i]
+
+
+@kernel
+def close_loops(bodies, joints, driver):
+    """Close a mechanism's loops by the least motion, measured by its inertia, and stop their parting; poses
+    and moves its bodies, and leaves it weighed there."""
+    count, x = driver["hinge_count"], driver["force"]
+    for _ in range(CLOSINGS):
+        for j in range(driver["loop_rows"]):
+            joint, c = joints[driver["loop_row"][j] // 6], driver["loop_row"][j] % 6
+            u = driver["loop_direction"]
+            loop_rates(bodies, joint, c, u)
+            n = (u[0], u[1], u[2]) if c < 3 else (u[3], u[4], u[5])
+            driver["loop_error"][j] = -loop_gap(bodies, joint, c, n)
+        for i in range(count):
+            x[i] = 0.0
+        _answer_errors(driver, x)
+        solve_upper(driver["hinge_factor"], count, x)
+        add_rates(bodies, joints, driver, x, 1.0)
+        pose_mechanism(bodies, joints, driver)
+        weigh_mechanism(bodies, joints, driver)
+    s, rates = driver["hinge_factor"], driver["rates"]
+    for i in range(count):
+        total = 0.0
+        for j in range(i, count):
+            total += s[j, i] * rates[j]
+        x[i] = total
+    keep_loops(driver, x)
+    solve_upper(s, count, x)
+    for i in range(count):
+        rates[i] = x[i]
+    move_mechanism(bodies, joints, driver)
+
+
+@kernel
+def set_slope(bodies, joints, driver, out_slope):
+    """Rates of change of a mechanism's positions and rates, at which its bodies are posed and moved.
+
+    Args:
+        out_slope: (positions, then rates).
+    """
+    first, end, o = driver["first_joint"], driver["first_joint"] + driver["joint_count"], driver["center"]
+    size, count, force = driver["position_count"], driver["hinge_count"], driver["force"]
+    set_drifts(bodies, joints, driver)
+    for k in range(first, end):
+        joint = joints[k]
+        body, f, t = bodies[joint["child"]], joint["pull"], joint["torque"]
+        w, own = body["omega"], joint["moved_inertia"]
+        conjugate_by(body["rotation"], body["inertia"], own)
+        rotate(own, joint["spin_drift"], t)
+        rotate(own, w, f)
+        x, y, z = cross(w, f)
+        for i in range(3):
+            f[i] = body["mass"] * (driver["gravity"][i] - joint["drift"][i])
+        u, v, s = cross(plus(body["center"], -1.0, o), f)
+        t[0], t[1], t[2] = u - x - t[0], v - y - t[1], s - z - t[2]
+    for k in range(end - 1, first - 1, -1):
+        joint = joints[k]
+        for j in range(joint["width"]):
+            force[joint["coordinate"] + j] = _power(joint["columns"][j], joint["pull"], joint["torque"])
+        _add_own_force(joint, driver)
+        if joint["inner"] >= 0:
+            inner = joints[joint["inner"]]
+            for i in range(3):
+                inner["pull"][i] += joint["pull"][i]
+                inner["torque"][i] += joint["torque"][i]
+    for k in range(end, end + driver["loop_count"]):
+        _add_loop_force(bodies, joints, joints[k], driver)
+    solve_lower(driver["hinge_factor"], count, force)
+    if driver["loop_rows"] > 0:
+        keep_loops(driver, force)
+        for j in range(driver["loop_rows"]):
+            driver["loop_error"][j] = -_parting(bodies, joints, driver, driver["loop_row"][j])
+        _answer_errors(driver, force)
+    solve_upper(driver["hinge_factor"], count, force)
+    for i in range(count):
+        out_slope[size + i] = force[i]
+    for k in range(first, end):
+        _set_position_slope(bodies, joints[k], driver, out_slope)
+
+
+@kernel
+def joint_force(joint, position, rate):
+    """Force or torque of a joint's spring, damper or motor along its axis."""
+    x = joint["stiffness"] * (joint["target"] - position) + joint["damping"] * (joint["target_rate"] - rate)
+    return min(max(x, -joint["largest_force"]), joint["largest_force"])
+
+
+@kernel
+def _add_own_force(joint, driver):
+    c, force = joint["coordinate"], driver["force"]
+    if joint["type"] == JOINT_BALL:
+        for j in range(3):
+            force[c + j] -= joint["damping"] * driver["rates"][c + j]
+    elif joint["width"] == 1:
+        force[c] += joint_force(joint, driver["positions"][joint["place"]], driver["rates"][c])
+
+
+@kernel
+def _add_loop_force(bodies, joints, joint, driver):
+    """Add the force of the spring, damper or motor of a joint that closes a loop."""
+    if joint["stiffness"] == 0 and joint["damping"] == 0:
+        return
+    o, a = child_point(bodies, joint), world_axis(bodies, joint)
+    arm, u = plus(o, -1.0, driver["center"]), driver["loop_direction"]
+    _, _, v, w = _point_drift(bodies, joints, joint["child"], o)
+    _, _, p, q = _point_drift(bodies, joints, joint["parent"], o)
+    v, w = plus(v, -1.0, p), plus(w, -1.0, q)
+    for i in range(6):
+        u[i] = 0.0
+    if joint["type"] == JOINT_SLIDER:
+        x = dot(a, plus(o, -1.0, parent_point(bodies, joint, joint["parent_anchor"])))
+        force = joint_force(joint, x, dot(a, v))
+        for i in range(3):
+            u[i] = force * a[i]
+    elif joint["type"] == JOINT_HINGE:
+        force = joint_force(joint, hinge_angle(bodies, joint, a), dot(a, w))
+        for i in range(3):
+            u[3 + i] = force * a[i]
+    else:
+        for i in range(3):
+            u[3 + i] = -joint["damping"] * w[i]
+    add_rows(joints, joint["child"], bodies, arm, driver["force"], u, 1.0)
+    add_rows(joints, joint["parent"], bodies, arm, driver["force"], u, -1.0)
+
+
+@kernel
+def set_drifts(bodies, joints, driver):
+    """Set the accelerations at constant rates of a mechanism's bodies, which are posed and moved."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        _set_drift(bodies, joints, joints[k], driver["rates"])
+
+
+@kernel
+def _set_drift(bodies, joints, joint, rates):
+    """Accelerations of a joint's child at constant rates."""
+    a, alpha, child = joint["drift"], joint["spin_drift"], bodies[joint["child"]]
+    a[:] = alpha[:] = 0.0
+    if joint["type"] == JOINT_FREE:
+        return
+    w = (0.0, 0.0, 0.0)
+    o = child_point(bodies, joint)
+    if joint["parent"] >= 0 and bodies[joint["parent"]]["driver"] >= 0:
+        parent = bodies[joint["parent"]]
+        inner = joints[parent["hinge"]]
+        w = vector_of(parent["omega"])
+        # of the parent's point at the joint; that of a slider moves along it
+        r = plus(o, -1.0, parent["center"])
+        x = plus(vector_of(inner["drift"]), 1.0, cross(inner["spin_drift"], r))
+        x = plus(x, 1.0, cross(w, cross(w, r)))
+        for i in range(3):
+            a[i], alpha[i] = x[i], inner["spin_drift"][i]
+    u = vector_of(child["omega"])
+    if joint["type"] == JOINT_SLIDER:
+        x = times(2 * rates[joint["coordinate"]], cross(w, world_axis(bodies, joint)))
+        for i in range(3):
+            a[i] += x[i]
+    elif joint["type"] != JOINT_BALL and joint["type"] != JOINT_FIXED:
+        # the axis turns with the parent
+        x = cross(w, u)
+        for i in range(3):
+            alpha[i] += x[i]
+    r = plus(child["center"], -1.0, o)
+    x = plus(cross(alpha, r), 1.0, cross(u, cross(u, r)))
+    for i in range(3):
+        a[i] += x[i]
+
+
+@kernel
+def _parting(bodies, joints, driver, place):
+    """Acceleration of a constraint of a loop at constant rates."""
+    joint, c, u = joints[place // 6], place % 6, driver["loop_direction"]
+    loop_rates(bodies, joint, c, u)
+    o = child_point(bodies, joint)
+    a, alpha, v, w = _point_drift(bodies, joints, joint["child"], o)
+    b, beta, p, q = _point_drift(bodies, joints, joint["parent"], o)
+    if c < 3:
+        n = (u[0], u[1], u[2])
+        return dot(n, plus(plus(a, -1.0, b), -2.0, cross(q, plus(v, -1.0, p))))
+    n = (u[3], u[4], u[5])
+    return dot(n, plus(alpha, -1.0, beta)) + dot(cross(q, n), plus(w, -1.0, q))
+
+
+@kernel
+def _point_drift(bodies, joints, b, point):
+    """Accelerations at constant rates and velocities of a body at a point; zero of what does not move."""
+    zero = (0.0, 0.0, 0.0)
+    if b < 0 or bodies[b]["driver"] < 0:
+        return zero, zero, zero, zero
+    body, joint = bodies[b], joints[bodies[b]["hinge"]]
+    r, w = plus(point, -1.0, body["center"]), vector_of(body["omega"])
+    alpha = vector_of(joint["spin_drift"])
+    a = plus(plus(vector_of(joint["drift"]), 1.0, cross(alpha, r)), 1.0, cross(w, cross(w, r)))
+    return a, alpha, plus(vector_of(body["velocity"]), 1.0, cross(w, r)), w
+
+
+@kernel
+def _set_position_slope(bodies, joint, driver, out_slope):
+    c, place, rates, p = joint["coordinate"], joint["place"], driver["rates"], driver["positions"]
+    if joint["width"] == 1:
+        out_slope[place] = rates[c]
+    elif joint["type"] == JOINT_BALL:
+        w = in_parent(bodies, joint, (rates[c], rates[c + 1], rates[c + 2]))
+        _set_turn_slope(p, place, w, out_slope)
+    elif joint["type"] == JOINT_FREE:
+        for i in range(3):
+            out_slope[place + i] = rates[c + i]
+        _set_turn_slope(p, place + 3, (rates[c + 3], rates[c + 4], rates[c + 5]), out_slope)
+
+
+@kernel
+def _set_turn_slope(p, k, w, out_slope):
+    """q' = w q / 2 of the quaternion from place k on."""
+    out_slope[k] = -(w[0] * p[k + 1] + w[1] * p[k + 2] + w[2] * p[k + 3]) / 2
+    out_slope[k + 1] = (w[0] * p[k] + w[1] * p[k + 3] - w[2] * p[k + 2]) / 2
+    out_slope[k + 2] = (w[1] * p[k] + w[2] * p[k + 1] - w[0] * p[k + 3]) / 2
+    out_slope[k + 3] = (w[2] * p[k] + w[0] * p[k + 2] - w[1] * p[k + 1]) / 2

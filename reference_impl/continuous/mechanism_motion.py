@@ -1,0 +1,444 @@
+"""Motion of mechanisms over a substep: the solution of their equations of motion, and the response to
+impulses.
+
+Without contact, positions and rates follow the equations of motion by the method of Dormand & Prince (1980),
+of fifth order, in steps whose error is at most the setting `joint_error`; loops are closed at the end.
+Impulses of contacts and limits, even over a substep of length h, add the rates L'^-1 y that the solver found
+at its middle: in full at its end, and h / 2 times that to the positions, as for a free body.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
+from touchstone.reference_impl.continuous.hinge_motion import ask_limits, drop_limits, find_limits
+from touchstone.reference_impl.continuous.mechanism_dynamics import (
+    answer_forces,
+    answer_step,
+    close_loops,
+    set_slope,
+    weigh_mechanism,
+)
+from touchstone.reference_impl.core.conventions import KEEPS_NOTHING
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import copy_vector, rotation_between
+from touchstone.reference_impl.kinematics.mechanism import (
+    add_rates,
+    add_velocities,
+    find_start_rates,
+    find_way,
+    move_mechanism,
+    pose_bodies,
+    pose_mechanism,
+)
+
+STEP_GROWTH, STEP_SHARE = 5.0, 0.9
+"""Most growth of a step, and share of the length that its error allows [1]."""
+MOST_STEPS, IMPLICIT_STEPS = 512, 64
+"""Most steps of a substep; then springs or dampers are too stiff for them, and so many steps of first order,
+implicit in these, take the rest of it."""
+
+
+@kernel
+def start_mechanism(bodies, joints, driver):
+    """Pose a newly filled mechanism, with rates by the velocities of its bodies."""
+    pose_mechanism(bodies, joints, driver)
+    weigh_mechanism(bodies, joints, driver)
+    find_start_rates(bodies, joints, driver)
+    move_mechanism(bodies, joints, driver)
+    show_rates(joints, driver)
+
+
+@kernel
+def begin_mechanism(driver):
+    """Store a mechanism's positions and rates at the start of a substep."""
+    driver["end_time"], driver["at_middle"] = -1.0, 0
+    for i in range(driver["position_count"]):
+        driver["start_positions"][i] = driver["positions"][i]
+    for i in range(driver["hinge_count"]):
+        driver["start_rates"][i] = driver["rates"][i]
+
+
+@kernel
+def _return(driver):
+    """Set a mechanism's positions and rates to those at the start of its substep; poses no body."""
+    for i in range(driver["position_count"]):
+        driver["positions"][i] = driver["start_positions"][i]
+    for i in range(driver["hinge_count"]):
+        driver["rates"][i] = driver["start_rates"][i]
+
+
+@kernel
+def return_mechanism(bodies, joints, driver):
+    """Return a mechanism to the start of its substep."""
+    _return(driver)
+    show_rates(joints, driver)
+    pose_bodies(bodies, joints, driver, driver["positions"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        body = bodies[joints[k]["child"]]
+        copy_vector(body["old_velocity"], body["velocity"])
+        copy_vector(body["old_omega"], body["omega"])
+
+
+@kernel
+def _stage(bodies, joints, driver, k, a, h):
+    """Slope k of a step of length h from `stage_start`, at the sum of the slopes before with weights a."""
+    size, count = driver["position_count"], driver["hinge_count"]
+    for i in range(size + count):
+        x = driver["stage_start"][i]
+        for j in range(k):
+            x += h * a[j] * driver["slopes"][j, i]
+        if i < size:
+            driver["positions"][i] = x
+        else:
+            driver["rates"][i - size] = x
+    pose_mechanism(bodies, joints, driver)
+    move_mechanism(bodies, joints, driver)
+    weigh_mechanism(bodies, joints, driver)
+    set_slope(bodies, joints, driver, driver["slopes"][k])
+
+
+@kernel
+def _step(bodies, joints, driver, h):
+    """A step of length h from `stage_start`, whose first slope is known; returns its error."""
+    a = (1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0)
+    _stage(bodies, joints, driver, 1, a, h)
+    a = (3 / 40, 9 / 40, 0.0, 0.0, 0.0, 0.0)
+    _stage(bodies, joints, driver, 2, a, h)
+    a = (44 / 45, -56 / 15, 32 / 9, 0.0, 0.0, 0.0)
+    _stage(bodies, joints, driver, 3, a, h)
+    a = (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0.0, 0.0)
+    _stage(bodies, joints, driver, 4, a, h)
+    a = (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0.0)
+    _stage(bodies, joints, driver, 5, a, h)
+    a = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
+    _stage(bodies, joints, driver, 6, a, h)
+    s, error, size = driver["slopes"], 0.0, driver["position_count"]
+    for i in range(size + driver["hinge_count"]):
+        e = 71 / 57600 * s[0, i] - 71 / 16695 * s[2, i] + 71 / 1920 * s[3, i]
+        e += -17253 / 339200 * s[4, i] + 22 / 525 * s[5, i] - 1 / 40 * s[6, i]
+        error = max(error, h * abs(e) * (1.0 if i < size else h))
+    return error
+
+
+@kernel
+def _flow(bodies, joints, driver, time):
+    """Advance a mechanism from its positions and rates by a time [s] without impulses."""
+    size, count = driver["position_count"], driver["hinge_count"]
+    pose_mechanism(bodies, joints, driver)
+    move_mechanism(bodies, joints, driver)
+    weigh_mechanism(bodies, joints, driver)
+    set_slope(bodies, joints, driver, driver["slopes"][0])
+    left, h = time, time
+    for _ in range(MOST_STEPS):
+        last = not h < left
+        if last:
+            h = left
+        for i in range(size):
+            driver["stage_start"][i] = driver["positions"][i]
+        for i in range(count):
+            driver["stage_start"][size + i] = driver["rates"][i]
+        error = _step(bodies, joints, driver, h)
+        grown = STEP_GROWTH
+        if error > 0:
+            grown = min(STEP_GROWTH, STEP_SHARE * (driver["step_error"] / error) ** 0.2)
+        if not error > driver["step_error"]:
+            left = 0.0 if last else left - h
+            if last:
+                break
+            for i in range(size + count):
+                driver["slopes"][0, i] = driver["slopes"][6, i]
+        else:
+            for i in range(size):
+                driver["positions"][i] = driver["stage_start"][i]
+            for i in range(count):
+                driver["rates"][i] = driver["stage_start"][size + i]
+        h *= max(grown, 0.1)
+    if left > 0:
+        _flow_implicitly(bodies, joints, driver, left)
+    if driver["loop_count"] > 0:
+        close_loops(bodies, joints, driver)
+
+
+@kernel
+def _flow_implicitly(bodies, joints, driver, time):
+    """Advance a mechanism by a time [s] in steps of Euler's method, implicit in springs and dampers."""
+    h, slope = time / IMPLICIT_STEPS, driver["slopes"][0]
+    for _ in range(IMPLICIT_STEPS):
+        # springs act where the rates lead
+        add_rates(bodies, joints, driver, driver["rates"], h)
+        pose_mechanism(bodies, joints, driver)
+        move_mechanism(bodies, joints, driver)
+        answer_step(joints, driver, h)
+        weigh_mechanism(bodies, joints, driver)
+        set_slope(bodies, joints, driver, slope)
+        for i in range(driver["hinge_count"]):
+            x = h * slope[driver["position_count"] + i]
+            driver["rates"][i] += x
+            driver["force"][i] = x
+        add_rates(bodies, joints, driver, driver["force"], h)
+    driver["stiffened"] = 0
+    pose_mechanism(bodies, joints, driver)
+    move_mechanism(bodies, joints, driver)
+    weigh_mechanism(bodies, joints, driver)
+
+
+@kernel
+def show_rates(joints, driver):
+    """Set angle and rate of a mechanism's hinges and sliders from its positions and rates."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        if joints[k]["width"] == 1:
+            joints[k]["angle"] = driver["positions"][joints[k]["place"]]
+            joints[k]["rate"] = driver["rates"][joints[k]["coordinate"]]
+
+
+@kernel
+def coast_mechanism(bodies, joints, driver, h, lead):
+    """Set a mechanism's velocities by its rates after a time h without impulses, and its response, at its
+    poses in the middle of that time; its bodies are posed at the start of the substep. `lead` is 1 in the law
+    of positions, and 0 of a substep without contacts and limits, which asks for no response."""
+    size, count = driver["position_count"], driver["hinge_count"]
+    if driver["end_time"] != h:
+        driver["at_middle"] = 0
+        _return(driver)
+        _flow(bodies, joints, driver, h)
+        driver["end_time"] = h
+        for i in range(size):
+            driver["end_positions"][i] = driver["positions"][i]
+        for i in range(count):
+            driver["end_rates"][i] = driver["rates"][i]
+    if lead == 1 or (lead > 0 and driver["at_middle"] == 0):
+        for i in range(size):
+            driver["positions"][i] = (driver["start_positions"][i] + driver["end_positions"][i]) / 2
+        pose_mechanism(bodies, joints, driver)
+        weigh_mechanism(bodies, joints, driver)
+        answer_forces(bodies, joints, driver, h, lead)
+        # of the law of positions it is another
+        driver["at_middle"] = 0 if lead == 1 else 1
+    for i in range(count):
+        driver["gains"][i] = 0.0
+        if lead < 1:
+            driver["path_gains"][i] = 0.0
+    driver["has_path"] = 1 if lead == 1 else 0
+    if lead == 1:
+        _set_leads(bodies, joints, driver, h)
+    _return(driver)
+    show_rates(joints, driver)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        bodies[joints[k]["child"]]["velocity"][:] = bodies[joints[k]["child"]]["omega"][:] = 0.0
+    add_velocities(bodies, joints, driver, driver["end_rates"])
+    pose_bodies(bodies, joints, driver, driver["positions"])
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        if joint["width"] == 1:
+            way = driver["end_positions"][joint["place"]] - joint["angle"]
+            joint["old_rate"], joint["rate"] = joint["rate"], driver["end_rates"][joint["coordinate"]]
+            joint["lead_rate"] = 2 * way / h - joint["rate"] if lead == 1 else 0.0
+    driver["lasting"], driver["hinge_share"] = 1, 1.0
+    ask_limits(joints, driver, lead, h)
+
+
+@kernel
+def _set_leads(bodies, joints, driver, h):
+    """Set `lead_*` of a mechanism's bodies: at the poses of its columns, twice the mean of the rates over a
+    substep of length h without impulses, less those at its end."""
+    x, rates = driver["force"], driver["end_rates"]
+    find_way(bodies, joints, driver, driver["start_positions"], driver["end_positions"], x)
+    for i in range(driver["hinge_count"]):
+        x[i] = 2 * x[i] / h - rates[i]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        bodies[joints[k]["child"]]["velocity"][:] = bodies[joints[k]["child"]]["omega"][:] = 0.0
+    add_velocities(bodies, joints, driver, x)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        body = bodies[joints[k]["child"]]
+        copy_vector(body["velocity"], body["lead_velocity"])
+        copy_vector(body["omega"], body["lead_omega"])
+
+
+@kernel
+def keep_mechanism_in_limits(joints, driver, h):
+    """Make rows of the limits that a mechanism's joints leave in its substep of length h; returns whether any
+    is new."""
+    gains = driver["path_gains"] if driver["has_path"] == 1 else driver["gains"]
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        if joint["width"] == 1:
+            end = driver["end_positions"][joint["place"]]
+            joint["angle"] = end + h / 2 * gains[joint["coordinate"]]
+    found = find_limits(joints, driver)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        if joints[k]["width"] == 1:
+            joints[k]["angle"] = driver["start_positions"][joints[k]["place"]]
+    return found
+
+
+@kernel
+def exchange_gains(driver):
+    """Exchange the changes of rates of the law of velocities with those of the law of positions."""
+    for i in range(driver["hinge_count"]):
+        driver["gains"][i], driver["path_gains"][i] = driver["path_gains"][i], driver["gains"][i]
+
+
+@kernel
+def note_mechanism_paths(bodies, joints, driver):
+    """Turn the velocities `path_*` of the law of positions of a mechanism's bodies into those whose mean with
+    the velocities at the substep's start covers their way."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        body = bodies[joints[k]["child"]]
+        for i in range(3):
+            body["path_velocity"][i] += body["lead_velocity"][i] - body["old_velocity"][i]
+            body["path_omega"][i] += body["lead_omega"][i] - body["old_omega"][i]
+
+
+@kernel
+def take_gains(bodies, joints, driver):
+    """Change a mechanism's velocities by the change of rates in `hinge_response`: at one instant, or over the
+    substep."""
+    x = driver["hinge_response"]
+    for i in range(driver["hinge_count"]):
+        if driver["lasting"] == 1:
+            driver["gains"][i] += x[i]
+        else:
+            driver["rates"][i] += x[i]
+    add_velocities(bodies, joints, driver, x)
+    if driver["lasting"] == 0:
+        show_rates(joints, driver)
+
+
+@kernel
+def spring_energy(joints, driver):
+    """Energy in the springs of a mechanism's joints [J]."""
+    total = 0.0
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        if joints[k]["width"] == 1:
+            x = driver["positions"][joints[k]["place"]] - joints[k]["target"]
+            total += joints[k]["stiffness"] * x * x / 2
+    return total
+
+
+@kernel
+def take_velocities(bodies, joints, driver):
+    """Set a mechanism's rates from the velocities of its bodies, and these from the rates."""
+    find_start_rates(bodies, joints, driver)
+    move_mechanism(bodies, joints, driver)
+    show_rates(joints, driver)
+
+
+@kernel
+def note_rates(driver, out_rates):
+    """Copy a mechanism's rates."""
+    for i in range(driver["hinge_count"]):
+        out_rates[i] = driver["rates"][i]
+
+
+@kernel
+def set_rates(bodies, joints, driver, one, two, share):
+    """Set a mechanism's rates to those a share of the way from `one` to `two`, and its velocities."""
+    for i in range(driver["hinge_count"]):
+        driver["rates"][i] = one[i] + share * (two[i] - one[i])
+    move_mechanism(bodies, joints, driver)
+    show_rates(joints, driver)
+
+
+@kernel
+def stop_mechanism(driver):
+    """Keep a mechanism's rates, and set them to zero."""
+    driver["end_time"] = -1.0
+    for i in range(driver["hinge_count"]):
+        driver["end_rates"][i], driver["rates"][i] = driver["rates"][i], 0.0
+
+
+@kernel
+def shift_mechanism(bodies, joints, driver, allowed):
+    """Move a mechanism for a second at its rates, if allowed, and give it the rates that it kept."""
+    driver["at_middle"] = 0
+    for i in range(driver["hinge_count"]):
+        driver["force"][i], driver["rates"][i] = driver["rates"][i], driver["end_rates"][i]
+    if allowed:
+        add_rates(bodies, joints, driver, driver["force"], 1.0)
+        pose_mechanism(bodies, joints, driver)
+        if driver["loop_count"] > 0:
+            weigh_mechanism(bodies, joints, driver)
+            close_loops(bodies, joints, driver)
+    move_mechanism(bodies, joints, driver)
+    show_rates(joints, driver)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        refresh_inertia(bodies[joints[k]["child"]])
+
+
+@kernel
+def _reach(bodies, joints, driver, s, h):
+    """Pose a mechanism at the fraction s of its substep of length h, and set its rates there."""
+    driver["at_middle"] = 0
+    if s == 1 and driver["end_time"] == h:
+        for i in range(driver["position_count"]):
+            driver["positions"][i] = driver["end_positions"][i]
+        for i in range(driver["hinge_count"]):
+            driver["rates"][i] = driver["end_rates"][i]
+        pose_mechanism(bodies, joints, driver)
+    else:
+        _return(driver)
+        _flow(bodies, joints, driver, s * h)
+    gains, any_gain = driver["path_gains"] if driver["has_path"] == 1 else driver["gains"], False
+    for i in range(driver["hinge_count"]):
+        any_gain = any_gain or gains[i] != 0 or driver["gains"][i] != 0
+        driver["rates"][i] += s * driver["gains"][i]
+    if any_gain:
+        add_rates(bodies, joints, driver, gains, s * s * h / 2)
+        pose_mechanism(bodies, joints, driver)
+        if driver["loop_count"] > 0:
+            weigh_mechanism(bodies, joints, driver)
+            close_loops(bodies, joints, driver)
+
+
+@kernel
+def set_body_ways(bodies, joints, driver, until, h):
+    """Set the motion of a mechanism's bodies over a substep of length h: parabolas that start at their
+    velocities and lead through their poses at its fraction `until`."""
+    _reach(bodies, joints, driver, until, h)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        set_way(bodies[joints[k]["child"]], driver["scratch"][0], until, h)
+
+
+@kernel
+def body_way_error(bodies, joints, driver, body, s, h):
+    """`way_error` of a mechanism's body."""
+    _reach(bodies, joints, driver, s, h)
+    return distance_to_way(body, driver["scratch"][0], s)
+
+
+@kernel
+def end_mechanism(bodies, joints, driver, s, h):
+    """End a mechanism's substep of length h at its fraction s."""
+    _reach(bodies, joints, driver, s, h)
+    move_mechanism(bodies, joints, driver)
+    show_rates(joints, driver)
+    drop_limits(joints, driver)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        body = bodies[joints[k]["child"]]
+        body["led"] = 0
+        refresh_inertia(body)
+
+
+@kernel
+def set_way(body, turned, until, h):
+    """Set a body's motion over a substep of length h: a parabola that starts at its velocities and leads
+    through its present pose at the fraction `until`; `turned` is scratch."""
+    rotation_between(body["old_orientation"], body["orientation"], turned)
+    for i in range(3):
+        way, arc = body["center"][i] - body["old_center"][i], turned[i]
+        body["travel"][i], body["turn"][i] = h * body["old_velocity"][i], h * body["old_omega"][i]
+        body["travel_bend"][i] = (way / until - body["travel"][i]) / until
+        body["turn_bend"][i] = (arc / until - body["turn"][i]) / until
+    body["moves"], body["spin_steps"], body["spin_keeps"] = 1, 0, KEEPS_NOTHING
+
+
+@kernel
+def distance_to_way(body, turned, s):
+    """Distance between a body's present pose and that of its motion at the fraction s [m]."""
+    rotation_between(body["old_orientation"], body["orientation"], turned)
+    moved = arc = 0.0
+    for i in range(3):
+        way = s * (body["travel"][i] + s * body["travel_bend"][i])
+        moved += (body["center"][i] - body["old_center"][i] - way) ** 2
+        arc += (turned[i] - s * (body["turn"][i] + s * body["turn_bend"][i])) ** 2
+    return sqrt(moved) + sqrt(arc) * body["reach"]

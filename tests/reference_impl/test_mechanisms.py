@@ -1,0 +1,397 @@
+"""Bodies that joints connect: equations of motion, loops, limits, contacts, and guarantees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+from scipy.special import ellipk
+
+from touchstone.adapters.contract import AdapterError, Settings, State, Unsupported
+from touchstone.adapters.recorder import build
+from touchstone.adapters.registry import load
+from touchstone.scenarios.files.mass_properties import uniform
+from touchstone.scenarios.scenario import (
+    Body,
+    BodyJoint,
+    Box,
+    Capsule,
+    Ellipsoid,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    Shape,
+    Sphere,
+)
+
+Array = NDArray[np.float64]
+Y = (0.0, 1.0, 0.0)
+STEEL = (PairCoefficients("steel", "steel", 0.0, 0.5),)
+FLOOR = Body("floor", "fixed", "steel", (Piece("top", Box((5.0, 5.0, 0.5))),), position=(0.0, 0.0, -0.5))
+
+
+class Motion(NamedTuple):
+    """Poses and velocities after each frame, and the largest residual and the dropped time of all."""
+
+    position: Array  # (f, n, 3)
+    orientation: Array  # (f, n, 4)
+    velocity: Array
+    omega: Array
+    residual: float
+    dropped: float
+
+
+def solid(name: str, shape: Shape, center: tuple[float, ...], mass: float = 1.0, **fields: object) -> Body:
+    piece = Piece("piece", shape)
+    middle, inertia = uniform((piece,), mass)
+    x, y, z = (float(v) for v in center)
+    return Body(name, "simulated", "steel", (piece,), mass, middle, inertia, position=(x, y, z), **fields)  # type: ignore[arg-type]
+
+
+def rod(name: str, center: tuple[float, ...], half: tuple[float, float, float], **fields: object) -> Body:
+    return solid(name, Box(half), center, **fields)
+
+
+def scene(bodies: list[Body], joints: list[BodyJoint], duration: float, **fields: object) -> Scenario:
+    fields = {"coefficients": STEEL, **fields}
+    return Scenario("joints", "", (), tuple(bodies), duration, body_joints=tuple(joints), **fields)  # type: ignore[arg-type]
+
+
+def play(scenario: Scenario, profile: str = "balanced", rate: int = 60, **fields: object) -> Motion:
+    world, _, _ = build(load("reference"), scenario, Settings(profile, 1 / rate, **fields))  # type: ignore[arg-type]
+    state, frames, residual, dropped = State(scenario), [], 0.0, 0.0
+    for frame in range(round(scenario.duration * rate)):
+        world.drive(frame)
+        world.step()
+        world.read(state)
+        work = world.work()
+        residual, dropped = max(residual, work["residual"]), dropped + work["dropped_time"]
+        fields_now = (state.position, state.orientation, state.linear_velocity, state.angular_velocity)
+        frames.append([field.copy() for field in fields_now])
+    columns = [np.array(column) for column in zip(*frames)]
+    return Motion(*columns, residual, dropped)
+
+
+def energy(scenario: Scenario, motion: Motion) -> Array:
+    """Kinetic energy and that of gravity after each frame [J]."""
+    total = np.zeros(len(motion.position))
+    for k, body in enumerate(scenario.bodies):
+        if body.kind == "simulated":
+            turn = Rotation.from_quat(motion.orientation[:, k], scalar_first=True)
+            center = motion.position[:, k] + turn.apply(body.center_of_mass)
+            spin = turn.inv().apply(motion.omega[:, k])
+            total += body.mass * (motion.velocity[:, k] ** 2).sum(axis=1) / 2
+            total += np.einsum("fi,ij,fj->f", spin, np.array(body.inertia), spin) / 2
+            total -= body.mass * center @ np.array(scenario.acting_gravity)
+    return total
+
+
+def drift(scenario: Scenario, motion: Motion) -> float:
+    """Largest distance of two anchors, or angle across the axis of a hinge [m or rad]."""
+    index, worst = {body.name: k for k, body in enumerate(scenario.bodies)}, 0.0
+    for joint in scenario.body_joints:
+        ends = []
+        for name in (joint.parent, joint.child):
+            if not name:
+                ends.append((np.array(joint.anchor), np.array(joint.axis)))
+                continue
+            k, body = index[name], scenario.bodies[index[name]]
+            start = Rotation.from_quat(body.orientation, scalar_first=True).inv()
+            turn = Rotation.from_quat(motion.orientation[:, k], scalar_first=True)
+            place = turn.apply(start.apply(np.subtract(joint.anchor, body.position)))
+            ends.append((motion.position[:, k] + place, turn.apply(start.apply(joint.axis))))
+        gap, axis = ends[1][0] - ends[0][0], ends[0][1]
+        if joint.type == "slider":
+            gap = gap - axis * (gap * axis).sum(axis=-1, keepdims=True)
+        worst = max(worst, np.abs(gap).max())
+        if joint.type == "hinge":
+            worst = max(worst, np.abs(np.cross(axis, ends[1][1])).max())
+    return float(worst)
+
+
+@pytest.mark.parametrize("amplitude", [0.5, 3.0])
+def test_a_pendulum_keeps_period_and_energy_for_a_minute(amplitude: float) -> None:
+    start = np.pi / 2 - amplitude
+    turn, center = (
+        (np.cos(start / 2), 0.0, np.sin(start / 2), 0.0),
+        (0.5 * np.cos(start), 0.0, -0.5 * np.sin(start)),
+    )
+    body = rod("rod", center, (0.5, 0.02, 0.02), orientation=turn)
+    scenario = scene([body], [BodyJoint("pivot", "hinge", "", "rod", (0.0, 0.0, 0.0), Y)], 60.0)
+    motion = play(scenario)
+    angle = np.unwrap(np.arctan2(-motion.position[:, 0, 2], motion.position[:, 0, 0])) - np.pi / 2
+    rate, times = motion.omega[:, 0, 1], np.arange(1, len(angle) + 1) / 60
+    rises = np.flatnonzero((angle[:-1] < 0) & (angle[1:] >= 0))
+    # zeros of the cubics between frames, by Newton's method from the nearer end
+    zeros = []
+    for k in rises:
+        at = times[k] - angle[k] / rate[k]
+        piece = solve_ivp(
+            lambda _, y: (y[1], -9.81 * 0.5 / (body.inertia[1][1] + 0.25) * np.sin(y[0])),
+            (times[k], at),
+            (angle[k], rate[k]),
+            rtol=1e-12,
+            atol=1e-14,
+        )
+        zeros.append(at - piece.y[0, -1] / piece.y[1, -1])
+    found = (zeros[-1] - zeros[0]) / (len(zeros) - 1)
+    inertia = body.inertia[1][1] + 0.25
+    true = 4 * np.sqrt(inertia / (9.81 * 0.5)) * ellipk(np.sin(amplitude / 2) ** 2)
+    assert found == pytest.approx(true, rel=1e-6)
+    assert np.ptp(energy(scenario, motion)) < 1e-6 * 9.81
+    assert drift(scenario, motion) < 1e-12
+
+
+def double_pendulum(duration: float, kind: str = "hinge") -> Scenario:
+    bodies = [rod("a", (0.5, 0.0, 0.0), (0.5, 0.02, 0.02)), rod("b", (1.5, 0.0, 0.0), (0.5, 0.02, 0.02))]
+    joints = [
+        BodyJoint("first", kind, "", "a", (0.0, 0.0, 0.0), Y),  # type: ignore[arg-type]
+        BodyJoint("second", kind, "a", "b", (1.0, 0.0, 0.0), Y),  # type: ignore[arg-type]
+    ]
+    return scene(bodies, joints, duration)
+
+
+def lagrangian(scenario: Scenario, times: Array) -> Array:
+    """Angles of both rods of the double pendulum against the horizontal (2, n), from Lagrange's equations."""
+    inertia = scenario.bodies[0].inertia[1][1]
+
+    def slope(_: float, y: Array) -> Array:
+        p, q, u, v = y
+        mass = np.array([[inertia + 0.25 + 1.0, 0.5 * np.cos(p - q)], [0.5 * np.cos(p - q), inertia + 0.25]])
+        force = np.array(
+            [
+                -0.5 * v * v * np.sin(p - q) + 9.81 * 1.5 * np.cos(p),
+                0.5 * u * u * np.sin(p - q) + 9.81 * 0.5 * np.cos(q),
+            ]
+        )
+        return np.concatenate([(u, v), np.linalg.solve(mass, force)])
+
+    found = solve_ivp(
+        slope, (0.0, times[-1]), np.zeros(4), t_eval=times, rtol=1e-12, atol=1e-13, method="DOP853"
+    )
+    return np.array(found.y[:2])
+
+
+@pytest.mark.parametrize(
+    ("kind", "profile", "error"), [("hinge", "balanced", 1e-6), ("ball", "accurate", 1e-9)]
+)
+def test_a_double_pendulum_follows_lagrange(kind: str, profile: str, error: float) -> None:
+    scenario = double_pendulum(2.0, kind)
+    motion = play(scenario, profile)
+    angles = lagrangian(scenario, np.arange(1, 121) / 60)
+    for k in range(2):
+        arm = Rotation.from_quat(motion.orientation[:, k], scalar_first=True).apply((1.0, 0.0, 0.0))
+        assert arm[:, 0] == pytest.approx(np.cos(angles[k]), abs=error)
+        assert arm[:, 2] == pytest.approx(-np.sin(angles[k]), abs=error)
+    assert drift(scenario, motion) < 1e-14
+
+
+def test_the_direction_of_a_joint_does_not_matter() -> None:
+    scenario = double_pendulum(1.0)
+    second = scenario.body_joints[1]
+    turned = replace(second, parent="b", child="a", axis=(0.0, -1.0, 0.0))
+    other = replace(scenario, body_joints=(scenario.body_joints[0], turned))
+    assert play(other).position == pytest.approx(play(scenario).position, abs=1e-12)
+
+
+def test_a_free_mechanism_keeps_its_momenta() -> None:
+    bodies = [
+        rod("a", (0.5, 0.0, 0.0), (0.5, 0.02, 0.04), linear_velocity=(0.0, 0.0, -0.5), angular_velocity=Y),
+        rod("b", (1.5, 0.0, 0.0), (0.5, 0.1, 0.02), linear_velocity=(0.0, 0.0, -1.0)),
+    ]
+    joints = [BodyJoint("hinge", "hinge", "a", "b", (1.0, 0.0, 0.0), Y)]
+    scenario = scene(bodies, joints, 3.0, gravity=(0.0, 0.0, 0.0))
+    motion = play(scenario)
+    momentum = motion.velocity.sum(axis=1)
+    spin = np.cross(motion.position, motion.velocity).sum(axis=1)
+    for k, body in enumerate(bodies):
+        turn = Rotation.from_quat(motion.orientation[:, k], scalar_first=True)
+        spin += turn.apply(turn.inv().apply(motion.omega[:, k]) @ np.array(body.inertia))
+    assert np.ptp(momentum, axis=0).max() < 1e-9
+    assert np.ptp(spin, axis=0).max() < 1e-9
+
+
+def four_bar(duration: float) -> Scenario:
+    """Two arms on the world and a coupler; the right arm closes the loop at (1.2, 0, 0)."""
+    lean = np.arctan(-0.2) / 2
+    bodies = [
+        rod("left", (0.0, 0.0, 0.5), (0.02, 0.02, 0.5)),
+        rod("top", (0.5, 0.0, 1.0), (0.5, 0.02, 0.02)),
+        rod("right", (1.1, 0.0, 0.5), (0.02, 0.02, 0.51), orientation=(np.cos(lean), 0.0, np.sin(lean), 0.0)),
+    ]
+    joints = [
+        BodyJoint("a", "hinge", "", "left", (0.0, 0.0, 0.0), Y),
+        BodyJoint("b", "hinge", "left", "top", (0.0, 0.0, 1.0), Y),
+        BodyJoint("c", "hinge", "top", "right", (1.0, 0.0, 1.0), Y),
+        BodyJoint("d", "hinge", "", "right", (1.2, 0.0, 0.0), Y),
+    ]
+    return scene(bodies, joints, duration)
+
+
+def test_a_closed_loop_stays_closed_and_keeps_its_energy() -> None:
+    scenario = four_bar(3.0)
+    motion = play(scenario)
+    assert drift(scenario, motion) < 1e-12
+    assert np.ptp(energy(scenario, motion)) < 1e-8 * 9.81 * 3
+    assert np.ptp(motion.position[:, 1, 2]) > 0.1
+
+
+@pytest.mark.parametrize("kind", ["hinge", "ball", "fixed"])
+def test_a_loop_closed_twice_moves_as_one_closed_once(kind: str) -> None:
+    scenario = four_bar(1.0)
+    # a second joint at the same place repeats the constraints of the first
+    again = replace(scenario.body_joints[3], name="e", type="ball" if kind == "ball" else "hinge")
+    if kind == "fixed":
+        again = BodyJoint("e", "fixed", "left", "plate", (0.0, 0.0, 1.0))
+        plate = rod("plate", (-0.1, 0.0, 1.0), (0.05, 0.02, 0.02), mass=1e-9)
+        scenario = replace(scenario, bodies=(*scenario.bodies, plate))
+    other = replace(scenario, body_joints=(*scenario.body_joints, again))
+    base = four_bar(1.0)
+    assert play(other).position[:, :3] == pytest.approx(play(base).position, abs=1e-8)
+
+
+def test_a_limit_stops_a_hinge_and_holds_it() -> None:
+    body = rod("rod", (0.5, 0.0, 0.0), (0.5, 0.02, 0.02))
+    joint = BodyJoint("pivot", "hinge", "", "rod", (0.0, 0.0, 0.0), Y, lower=-1.0, upper=0.5)
+    motion = play(scene([body], [joint], 2.0))
+    angle = 2 * np.arctan2(motion.orientation[:, 0, 2], motion.orientation[:, 0, 0])
+    assert angle.max() <= 0.5 + 1e-9
+    assert angle[-60:] == pytest.approx(np.full(60, 0.5), abs=1e-9)
+    assert np.abs(motion.omega[-60:]).max() < 1e-12
+
+
+def test_a_motor_pushes_with_its_largest_force_up_to_its_speed() -> None:
+    body = rod("rod", (0.5, 0.0, 0.0), (0.5, 0.02, 0.02))
+    joint = BodyJoint(
+        "pivot",
+        "hinge",
+        "",
+        "rod",
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 1.0),
+        damping=100.0,
+        target_rate=3.0,
+        largest_force=1.0,
+    )
+    motion = play(scene([body], [joint], 2.0))
+    inertia = body.inertia[2][2] + 0.25
+    assert motion.omega[29, 0, 2] == pytest.approx(0.5 / inertia, rel=1e-6)
+    assert motion.omega[-1, 0, 2] == pytest.approx(3.0, abs=1e-6)
+
+
+def test_a_spring_and_a_damper_on_a_slider_follow_the_closed_form() -> None:
+    joint = BodyJoint(
+        "rail",
+        "slider",
+        "",
+        "cart",
+        (0.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0),
+        stiffness=50.0,
+        damping=2.0,
+        target=0.2,
+    )
+    motion = play(scene([rod("cart", (0.0, 0.0, 0.0), (0.1, 0.1, 0.1), mass=2.0)], [joint], 3.0))
+    times = np.arange(1, 181) / 60
+    rate, swing = 0.5, np.sqrt(25.0 - 0.25)
+    true = 0.2 - 0.2 * np.exp(-rate * times) * (np.cos(swing * times) + rate / swing * np.sin(swing * times))
+    assert motion.position[:, 0, 0] == pytest.approx(true, abs=1e-7)
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(1e12, 0.0), (0.0, 1e9), (1e12, 1e8)])
+def test_what_is_too_stiff_for_explicit_steps_stays_where_it_is(stiffness: float, damping: float) -> None:
+    body = rod("rod", (0.5, 0.0, 0.0), (0.5, 0.02, 0.02))
+    joint = BodyJoint("pivot", "hinge", "", "rod", (0.0, 0.0, 0.0), Y, stiffness=stiffness, damping=damping)
+    motion = play(scene([body], [joint], 0.5))
+    assert np.abs(motion.position[:, 0, 2]).max() < 1e-6
+
+
+def test_a_rod_on_a_hinge_rests_on_the_floor() -> None:
+    body = rod("rod", (0.5, 0.0, 0.5), (0.5, 0.02, 0.02))
+    scenario = scene([FLOOR, body], [BodyJoint("pivot", "hinge", "", "rod", (0.0, 0.0, 0.5), Y)], 2.0)
+    motion = play(scenario)
+    angle = 2 * np.arctan2(motion.orientation[-1, 1, 2], motion.orientation[-1, 1, 0])
+    assert 0 <= 0.5 - np.sin(angle) - 0.02 * np.cos(angle) < 2e-9
+    assert np.abs(motion.omega[-1]).max() < 1e-12
+
+
+def test_a_seesaw_with_equal_weights_stays_level_and_tips_under_one() -> None:
+    plank = rod("plank", (0.0, 0.0, 0.5), (0.6, 0.1, 0.02), mass=2.0)
+    weights = [rod(name, (x, 0.0, 0.57), (0.05, 0.05, 0.05)) for name, x in (("one", 0.4), ("two", -0.4))]
+    pivot = BodyJoint("pivot", "hinge", "", "plank", (0.0, 0.0, 0.5), Y)
+    level = play(scene([FLOOR, plank, *weights], [pivot], 2.0))
+    assert np.abs(level.velocity).max() < 1e-12
+    tipped = play(scene([FLOOR, plank, weights[0]], [pivot], 2.0))
+    assert tipped.position[-1, 2, 2] < 0.1
+
+
+def random_scene(seed: int) -> Scenario:
+    """A tree of two to six bodies with random joints over the floor, and up to two free bodies above it."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 7))
+    places = [np.array((0.0, 0.0, rng.uniform(0.4, 1.2)))]
+    for k in range(1, count):
+        places.append(places[rng.integers(k)] + rng.normal(size=3) * 0.25)
+        places[k][2] = max(places[k][2], 0.25)
+
+    def body(name: str, place: Array) -> Body:
+        size = float(rng.uniform(0.03, 0.1))
+        x, y, z = (float(v) for v in rng.uniform(0.03, 0.1, 3))
+        shapes = (Sphere(size), Box((x, y, z)), Capsule(0.6 * size, size), Ellipsoid((x, y, z)))
+        turn = rng.normal(size=4)
+        w, a, b, c = (float(v) for v in turn / np.linalg.norm(turn))
+        shape = shapes[int(rng.integers(4))]
+        return solid(name, shape, tuple(place), float(10 ** rng.uniform(-1, 1)), orientation=(w, a, b, c))
+
+    bodies = [body(f"b{k}", place) for k, place in enumerate(places)]
+    ends = [("", 0)] if rng.random() < 0.4 else []
+    ends += [(f"b{rng.integers(k)}", k) for k in range(1, count)]
+    joints = []
+    for i, (parent, k) in enumerate(ends):
+        kind = ("hinge", "slider", "ball", "fixed")[rng.choice(4, p=(0.45, 0.15, 0.3, 0.1))]
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        other = places[int(parent[1:])] if parent else places[k] + rng.normal(size=3) * 0.1
+        fields: dict[str, float] = {}
+        if kind == "slider" or (kind == "hinge" and rng.random() < 0.5):
+            fields = {"lower": -float(rng.uniform(0.1, 1)), "upper": float(rng.uniform(0.1, 1))}
+        if kind != "fixed" and rng.random() < 0.4:
+            fields["damping"] = float(10 ** rng.uniform(-3, 0))
+        x, y, z = ((other + places[k]) / 2).tolist()
+        a, b, c = axis.tolist()
+        joints.append(BodyJoint(f"j{i}", kind, parent, f"b{k}", (x, y, z), (a, b, c), **fields))  # type: ignore[arg-type]
+    free = [
+        body(f"free{k}", np.array((rng.uniform(-0.4, 0.4), rng.uniform(-0.4, 0.4), 1.5 + 0.4 * k)))
+        for k in range(int(rng.integers(0, 3)))
+    ]
+    law = PairCoefficients("steel", "steel", float(rng.choice((0.0, 0.3, 0.7))), float(rng.uniform(0, 1)))
+    return scene([FLOOR, *bodies, *free], joints, 1.5, coefficients=(law,))
+
+
+@pytest.mark.parametrize("seed", range(900, 915))
+def test_a_random_mechanism_gains_no_energy_and_stays_joined(seed: int) -> None:
+    scenario = random_scene(seed)
+    motion = play(scenario)
+    total = energy(scenario, motion)
+    size = sum(body.mass for body in scenario.bodies) * 9.81
+    assert np.isfinite(total).all()
+    assert np.diff(total).max() <= 1e-8 * size
+    assert drift(scenario, motion) < 1e-12
+    assert motion.residual < 1e-6
+
+
+def test_what_the_reference_cannot_represent_is_named() -> None:
+    with pytest.raises(Unsupported, match="profile paper has no joints between bodies"):
+        play(double_pendulum(1.0), "paper")
+    bodies = [rod(f"b{k:03d}", (0.2 * k, 0.0, 0.0), (0.1, 0.01, 0.01)) for k in range(130)]
+    joints = [
+        BodyJoint(f"j{k}", "hinge", f"b{k - 1:03d}" if k else "", f"b{k:03d}", (0.2 * k - 0.1, 0.0, 0.0), Y)
+        for k in range(130)
+    ]
+    with pytest.raises(AdapterError, match="more than 120 degrees of freedom in one mechanism"):
+        play(scene(bodies, joints, 1.0))
