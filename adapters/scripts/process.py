@@ -43,6 +43,8 @@ def written(scenario: Scenario, engine: str, settings: Settings, head: Sequence[
     Raises:
         AdapterError: the engine writes no scripts, is not installed, or cannot represent the scene.
     """
+    if scenario.body_joints:
+        raise Unsupported(f"{engine}: no words for joints between bodies")
     found: Script = _asked(engine, "script", (scenario, settings, tuple(head) or (scenario.name,)))
     return found
 

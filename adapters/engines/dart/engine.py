@@ -20,6 +20,7 @@ import dartpy
 import numpy as np
 
 from touchstone.adapters.contract import Array, Manifest, PairFacts, Scalar, Settings, State
+from touchstone.adapters.engines.dart.joints import add_mechanisms, push_motors
 from touchstone.adapters.engines.dart.model import (
     DETECTORS,
     ROOT_DOFS,
@@ -81,6 +82,7 @@ class DartEngine:
 
     name: ClassVar[str] = "dart"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["dart"].profiles
+    plays_body_joints: ClassVar[bool] = True
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if DART cannot represent it."""
@@ -153,6 +155,9 @@ class World:
             nodes |= {link: add_kinematic(self._world, scenario.bodies[link]) for link in one.links}
         for drive, tracker in zip(self._drives, self._trackers):
             nodes |= add_driven(self._world, scenario, drive, [by_name[name] for name in tracker.joints])
+        joined = add_mechanisms(self._world, scenario)
+        nodes |= joined.nodes
+        self._motors = joined.motors
         for k, body in enumerate(scenario.bodies):
             if k not in nodes:
                 nodes[k] = add_body(self._world, body)
@@ -188,6 +193,7 @@ class World:
         torques; set poses and velocities of kinematic links and prescribed bodies."""
         self._moment = step + 1
         self._move_posed()
+        push_motors(self._motors)
         for k, (drive, root, hand) in enumerate(zip(self._drives, self._roots, self._hands)):
             pose = root.getWorldTransform()
             force, torque = drive.wrench(
@@ -396,4 +402,5 @@ class World:
     def close(self) -> None:
         """Drop every reference into DART, which releases its memory."""
         self._nodes, self._moving, self._roots, self._hands, self._body_of = [], [], [], [], {}
+        self._motors = []
         self._world.removeAllSkeletons()

@@ -155,18 +155,24 @@ def body_facts(node: Any) -> BodyFacts:
 def add_body(world: Any, body: Body) -> Any:
     """Add a fixed or free body as its own skeleton."""
     skeleton = dartpy.dynamics.Skeleton(body.name)
-    pose = isometry(body.position, body.orientation)
     if body.kind == "fixed":
         joint, node = skeleton.createWeldJointAndBodyNodePair()
-        joint.setTransformFromParentBodyNode(pose)
+        joint.setTransformFromParentBodyNode(isometry(body.position, body.orientation))
     else:
-        joint, node = skeleton.createFreeJointAndBodyNodePair()
-        joint.setTransform(pose)
-        omega = np.array(body.angular_velocity)
-        arm = pose.rotation() @ np.array(body.center_of_mass)
-        joint.setAngularVelocity(omega)
-        joint.setLinearVelocity(np.array(body.linear_velocity) - np.cross(omega, arm))
+        node = add_free(skeleton, body)
     world.addSkeleton(skeleton)
+    return node
+
+
+def add_free(skeleton: Any, body: Body) -> Any:
+    """Add a free body to a skeleton."""
+    joint, node = skeleton.createFreeJointAndBodyNodePair()
+    pose = isometry(body.position, body.orientation)
+    joint.setTransform(pose)
+    omega = np.array(body.angular_velocity)
+    arm = pose.rotation() @ np.array(body.center_of_mass)
+    joint.setAngularVelocity(omega)
+    joint.setLinearVelocity(np.array(body.linear_velocity) - np.cross(omega, arm))
     return node
 
 

@@ -34,6 +34,7 @@ from touchstone.adapters.contract import (
     Unsupported,
 )
 from touchstone.adapters.engines.mujoco.contacts import add_contacts, contact_parameters, restitution_of
+from touchstone.adapters.engines.mujoco.joints import add_loops_and_motors, start_rates
 from touchstone.adapters.engines.mujoco.model import (
     add_bodies,
     add_servos,
@@ -47,6 +48,7 @@ from touchstone.adapters.posed_drive import Posed, coupled, posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
 from touchstone.adapters.vector_products import cross
+from touchstone.scenarios.body_joints import spanning_trees
 from touchstone.scenarios.scenario import Scenario
 
 OPTIONS = (
@@ -85,6 +87,7 @@ class MujocoEngine:
 
     name: ClassVar[str] = "mujoco"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["mujoco"].profiles
+    plays_body_joints: ClassVar[bool] = True
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if MuJoCo cannot represent it."""
@@ -110,11 +113,12 @@ def translated(scenario: Scenario, settings: Settings) -> tuple[Any, dict[int, A
     posed = settings.drive == "posed"
     driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
     drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
-    bodies = add_bodies(spec, scenario, simulated_masses(scenario, drives), posed)
+    bodies = add_bodies(spec, scenario, simulated_masses(scenario, drives), settings, posed)
     add_contacts(spec, bodies, scenario, settings)
     if settings.drive == "native":
         for drive, tracker in zip(drives, driven):
             add_servos(spec, tracker.joints, drive)
+    add_loops_and_motors(spec, scenario, settings)
     return spec, bodies, drives
 
 
@@ -152,8 +156,10 @@ class World:
         return self._data.qpos[first : first + 7], self._data.qvel[dofs], dofs
 
     def _set_initial_state(self) -> None:
+        nested = {joint.child for joint in spanning_trees(self._scenario)[0]}
+        start_rates(self._scenario, self._model, self._data.qvel)
         for body, source in zip(self._body, self._scenario.bodies):
-            if source.kind == "simulated":
+            if source.kind == "simulated" and source.name not in nested:
                 qpos, qvel, _ = self._free_joint(body)
                 omega = np.array(source.angular_velocity)
                 arm = turned(source.center_of_mass, qpos[3:])

@@ -11,9 +11,11 @@ import mujoco
 import numpy as np
 
 from touchstone.adapters.contract import Array, BodyFacts, Settings, Unsupported
+from touchstone.adapters.engines.mujoco.joints import add_trees
 from touchstone.adapters.engines.mujoco.settings import FLAGS, OF_CONTACTS, SETTINGS
 from touchstone.adapters.registry import DEFAULT
 from touchstone.adapters.servo import Drive
+from touchstone.scenarios.body_joints import spanning_trees
 from touchstone.scenarios.scenario import (
     UNMOVED,
     Body,
@@ -74,20 +76,27 @@ def _flag(name: str) -> int:
 
 
 def add_bodies(
-    spec: Any, scenario: Scenario, masses: Sequence[Body | BodyFacts], posed: bool = False
+    spec: Any,
+    scenario: Scenario,
+    masses: Sequence[Body | BodyFacts],
+    settings: Settings,
+    posed: bool = False,
 ) -> dict[int, Any]:
     """Add all bodies with these mass properties; returns the spec's body per scenario index.
 
-    Fixed, free and prescribed bodies come first, then each tracker's tree, or its links as mocap bodies.
+    Fixed, free and prescribed bodies come first, then those that joints nest in others, then each tracker's
+    tree, or its links as mocap bodies.
     """
     bodies: dict[int, Any] = {}
+    nested = {joint.child for joint in spanning_trees(scenario)[0]}
     for index, body in enumerate(scenario.bodies):
-        if body.kind != "driven":
+        if body.kind != "driven" and body.name not in nested:
             bodies[index] = spec.worldbody.add_body(name=f"{index}", pos=body.position, quat=body.orientation)
             if body.kind in ("simulated", "prescribed"):
                 _add_free_joint(bodies[index])
             if body.kind == "prescribed":
                 _make_heavy(bodies[index], scenario)
+    add_trees(spec, scenario, bodies, settings)
     hinges = {joint.name: joint for joint in scenario.joints}
     driven = [tracker for tracker in scenario.trackers if not scenario.prescribes(tracker)]
     for link in (k for tracker in driven if posed for k in scenario.links(tracker)):

@@ -1,0 +1,135 @@
+"""Joints between bodies in DART: one skeleton a mechanism, constraints that close loops, forces of motors."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import dartpy
+import numpy as np
+
+from touchstone.adapters.contract import Array, Unsupported
+from touchstone.adapters.engines.dart.model import add_free, isometry
+from touchstone.scenarios.body_joints import is_limited, mass_center, mechanisms, spanning_trees
+from touchstone.scenarios.scenario import IDENTITY, ORIGIN, UNBOUNDED, Body, BodyJoint, Scenario
+
+
+class Joined(NamedTuple):
+    """Nodes of the bodies of all mechanisms by scenario index, and the joints whose forces each step sets."""
+
+    nodes: dict[int, Any]
+    motors: list[tuple[Any, BodyJoint]]
+
+
+def add_mechanisms(world: Any, scenario: Scenario) -> Joined:
+    """Add each mechanism as a skeleton, posed at the start with the velocities of its bodies.
+
+    Raises:
+        Unsupported: a joint with a prescribed body, or one that no constraint of DART closes a loop with.
+    """
+    tree, loops = spanning_trees(scenario)
+    nodes: dict[int, Any] = {}
+    motors: list[tuple[Any, BodyJoint]] = []
+    for group in mechanisms(scenario):
+        own = {joint.name for joint in group}
+        skeleton = dartpy.dynamics.Skeleton(group[0].name)
+        for joint in tree:
+            if joint.name in own:
+                _add(skeleton, scenario, joint, nodes, motors)
+        skeleton.enableSelfCollisionCheck()
+        world.addSkeleton(skeleton)
+    for joint in loops:
+        _close(world, scenario, joint, nodes)
+    return Joined(nodes, motors)
+
+
+def _parent(scenario: Scenario, joint: BodyJoint) -> Body | None:
+    parent = next((body for body in scenario.bodies if body.name == joint.parent), None)
+    if parent is not None and parent.kind == "prescribed":
+        raise Unsupported(f"dart: no joint with a prescribed body ({joint.name!r})")
+    return parent if parent is not None and parent.kind == "simulated" else None
+
+
+def _add(
+    skeleton: Any,
+    scenario: Scenario,
+    joint: BodyJoint,
+    nodes: dict[int, Any],
+    motors: list[tuple[Any, BodyJoint]],
+) -> None:
+    """Add the child of a joint to its parent's node, which it adds with a free joint if it is new."""
+    parent, index = _parent(scenario, joint), scenario.body_index(joint.child)
+    child, outer = scenario.bodies[index], None
+    frame = isometry(ORIGIN, IDENTITY)
+    if parent is not None:
+        key = scenario.body_index(parent.name)
+        if key not in nodes:
+            nodes[key] = add_free(skeleton, parent)
+        outer, frame = nodes[key], isometry(parent.position, parent.orientation)
+    kinds = {"hinge": "Revolute", "slider": "Prismatic", "ball": "Ball", "fixed": "Weld"}
+    create = getattr(skeleton, f"create{kinds[joint.type]}JointAndBodyNodePair")
+    made, nodes[index] = create() if outer is None else create(outer)
+    made.setName(joint.name)
+    # the joint's axes are the parent's, at the anchor; there the child is as at the start
+    inner = frame.inverse()
+    anchor = inner.multiply(isometry(joint.anchor, IDENTITY)).translation()
+    place = isometry(anchor, IDENTITY)
+    pose = inner.multiply(isometry(child.position, child.orientation))
+    made.setTransformFromParentBodyNode(place)
+    made.setTransformFromChildBodyNode(pose.inverse().multiply(place))
+    turn, speed = np.array(child.angular_velocity), np.array(child.linear_velocity)
+    if parent is not None:
+        arm = mass_center(child) - mass_center(parent)
+        speed = speed - parent.linear_velocity - np.cross(parent.angular_velocity, arm)
+        turn = turn - parent.angular_velocity
+    if joint.type == "ball":
+        made.setVelocities(inner.rotation() @ turn)
+        for k in range(3):
+            made.setDampingCoefficient(k, joint.damping)
+    elif joint.type != "fixed":
+        made.setAxis(inner.rotation() @ np.array(joint.axis))
+        made.setVelocity(0, float(np.dot(joint.axis, turn if joint.type == "hinge" else speed)))
+        _set_forces(made, joint, motors)
+
+
+def _set_forces(made: Any, joint: BodyJoint, motors: list[tuple[Any, BodyJoint]]) -> None:
+    """Set limits, and spring and damper, which DART integrates implicitly. They have no target rate and no
+    largest force: joints with these get their force in each step."""
+    if is_limited(joint):
+        made.setPositionLowerLimit(0, joint.lower)
+        made.setPositionUpperLimit(0, joint.upper)
+        made.setLimitEnforcement(True)
+    # DART takes no rest position beyond the limits
+    beyond = not joint.lower <= joint.target <= joint.upper
+    if joint.target_rate != 0 or joint.largest_force < UNBOUNDED or beyond:
+        motors.append((made, joint))
+    else:
+        made.setSpringStiffness(0, joint.stiffness)
+        made.setDampingCoefficient(0, joint.damping)
+        made.setRestPosition(0, joint.target)
+
+
+def push_motors(motors: list[tuple[Any, BodyJoint]]) -> None:
+    """Set the forces of motors for the next step from the positions and rates at its start."""
+    for made, joint in motors:
+        error = joint.target - made.getPosition(0)
+        force = joint.stiffness * error + joint.damping * (joint.target_rate - made.getVelocity(0))
+        made.setForce(0, min(max(force, -joint.largest_force), joint.largest_force))
+
+
+def _close(world: Any, scenario: Scenario, joint: BodyJoint, nodes: dict[int, Any]) -> None:
+    """Close a loop: a ball joint by one point, a hinge by two on its axis, a fixed joint as a whole."""
+    if joint.type == "slider" or joint.stiffness or joint.damping or is_limited(joint):
+        raise Unsupported(f"dart: no {joint.type} with forces or limits closes a loop ({joint.name!r})")
+    child, parent = nodes[scenario.body_index(joint.child)], _parent(scenario, joint)
+    ends = [child] if parent is None else [child, nodes[scenario.body_index(parent.name)]]
+    solver = world.getConstraintSolver()
+    if joint.type == "fixed":
+        solver.addConstraint(dartpy.constraint.WeldJointConstraint(*ends))
+        return
+    points: list[Array] = [np.array(joint.anchor)]
+    if joint.type == "hinge":
+        body = scenario.bodies[scenario.body_index(joint.child)]
+        arm = float(np.linalg.norm(mass_center(body) - joint.anchor)) or 1.0
+        points = [points[0] + side * arm * np.array(joint.axis) for side in (-0.5, 0.5)]
+    for point in points:
+        solver.addConstraint(dartpy.constraint.BallJointConstraint(*ends, point))

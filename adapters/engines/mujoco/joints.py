@@ -1,0 +1,163 @@
+"""Joints between bodies in a MuJoCo spec: nested bodies, and equality constraints that close loops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from touchstone.adapters.contract import Array, Settings, Unsupported
+from touchstone.adapters.engines.mujoco.contacts import solref_of
+from touchstone.adapters.engines.mujoco.settings import SETTINGS
+from touchstone.scenarios.body_joints import is_limited, mass_center, spanning_trees
+from touchstone.scenarios.scenario import UNBOUNDED, Body, BodyJoint, Scenario, Vector
+
+TYPES = {
+    "hinge": mujoco.mjtJoint.mjJNT_HINGE,
+    "slider": mujoco.mjtJoint.mjJNT_SLIDE,
+    "ball": mujoco.mjtJoint.mjJNT_BALL,
+}
+"""Types of joints; bodies of a fixed one are nested without a joint."""
+
+
+def in_frame(body: Body | None, point: Vector | Array) -> Array:
+    """A world point in the frame of a body at the start; of the world, itself."""
+    if body is None:
+        return np.array(point, float)
+    return _turned_back(body, np.subtract(point, body.position))
+
+
+def _turned_back(body: Body | None, vector: Vector | Array) -> Array:
+    out = np.array(vector, float)
+    if body is not None:
+        mujoco.mju_rotVecQuat(out, np.array(vector, float), _inverse(body.orientation))
+    return out
+
+
+def _inverse(quaternion: tuple[float, ...]) -> Array:
+    return np.array(quaternion) * (1.0, -1.0, -1.0, -1.0)
+
+
+def moved_parent(scenario: Scenario, joint: BodyJoint) -> Body | None:
+    """The parent that a joint's child is nested in: a simulated body, or None for the world and fixed ones.
+
+    Raises:
+        Unsupported: the parent is prescribed.
+    """
+    parent = next((body for body in scenario.bodies if body.name == joint.parent), None)
+    if parent is not None and parent.kind == "prescribed":
+        raise Unsupported(f"mujoco: no joint with a prescribed body ({joint.name!r})")
+    return parent if parent is not None and parent.kind == "simulated" else None
+
+
+def add_trees(spec: Any, scenario: Scenario, bodies: dict[int, Any], settings: Settings) -> None:
+    """Add the bodies that the scene's joints nest in others, parents first, with their joints. Limits are as
+    stiff as contacts that do not bounce."""
+    for joint in spanning_trees(scenario)[0]:
+        index, parent = scenario.body_index(joint.child), moved_parent(scenario, joint)
+        child = scenario.bodies[index]
+        outer, turn = spec.worldbody, np.array(child.orientation)
+        if parent is not None:
+            outer = bodies[scenario.body_index(parent.name)]
+            mujoco.mju_mulQuat(turn, _inverse(parent.orientation), np.array(child.orientation))
+        bodies[index] = outer.add_body(name=f"{index}", pos=in_frame(parent, child.position), quat=turn)
+        if joint.type == "fixed":
+            continue
+        made = bodies[index].add_joint(
+            name=f"joint {joint.name}",
+            type=TYPES[joint.type],
+            pos=in_frame(child, joint.anchor),
+            axis=_turned_back(child, joint.axis),
+        )
+        if is_limited(joint):
+            made.limited, made.range = mujoco.mjtLimited.mjLIMITED_TRUE, (joint.lower, joint.upper)
+            made.solref_limit, made.solimp_limit = _stiffness(settings)
+        if not is_motor(joint):
+            # newer versions have polynomials of forces
+            made.damping = (joint.damping, 0.0, 0.0) if np.ndim(made.damping) else joint.damping
+            made.stiffness = (joint.stiffness, 0.0, 0.0) if np.ndim(made.stiffness) else joint.stiffness
+            made.springref = joint.target
+
+
+def is_motor(joint: BodyJoint) -> bool:
+    """Whether a joint's force needs an actuator: MuJoCo's springs and dampers have neither a rate nor a
+    largest force."""
+    return joint.target_rate != 0 or joint.largest_force < UNBOUNDED
+
+
+def _stiffness(settings: Settings) -> tuple[tuple[float, float], Any]:
+    """solref and solimp of a contact that does not bounce."""
+    return solref_of(0.0, settings), SETTINGS.in_force(settings.profile, settings.changes)["solimp"]
+
+
+def add_loops_and_motors(spec: Any, scenario: Scenario, settings: Settings) -> None:
+    """Add the joints that close loops, as equality constraints, and an actuator for each motor.
+
+    Raises:
+        Unsupported: a slider, a spring, a motor or a limit in a joint that closes a loop.
+    """
+    tree, loops = spanning_trees(scenario)
+    for joint in loops:
+        if joint.type == "slider" or joint.stiffness or joint.damping or is_limited(joint):
+            raise Unsupported(f"mujoco: no {joint.type} with forces or limits closes a loop ({joint.name!r})")
+        _add_loop(spec, scenario, joint, settings)
+    for joint in tree:
+        if is_motor(joint) and joint.type != "fixed":
+            actuator = spec.add_actuator(
+                name=f"motor {joint.name}", target=f"joint {joint.name}", trntype=mujoco.mjtTrn.mjTRN_JOINT
+            )
+            bias = joint.stiffness * joint.target + joint.damping * joint.target_rate
+            actuator.gaintype, actuator.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+            actuator.gainprm[:], actuator.biasprm[:] = 0.0, 0.0
+            actuator.biasprm[:3] = bias, -joint.stiffness, -joint.damping
+            if joint.largest_force < UNBOUNDED:
+                actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+                actuator.forcerange = (-joint.largest_force, joint.largest_force)
+
+
+def _add_loop(spec: Any, scenario: Scenario, joint: BodyJoint, settings: Settings) -> None:
+    """A ball joint is one `connect`; a hinge two on its axis, as far apart as the child is from it; a fixed
+    joint a `weld`."""
+    index, parent = scenario.body_index(joint.child), moved_parent(scenario, joint)
+    child = scenario.bodies[index]
+    points = [np.array(joint.anchor)]
+    if joint.type == "hinge":
+        arm = np.linalg.norm(mass_center(child) - joint.anchor) or 1.0
+        points = [points[0] + side * arm * np.array(joint.axis) for side in (-0.5, 0.5)]
+    for k, point in enumerate(points):
+        made = spec.add_equality(name=f"loop {joint.name} {k}", objtype=mujoco.mjtObj.mjOBJ_BODY)
+        made.type = mujoco.mjtEq.mjEQ_WELD if joint.type == "fixed" else mujoco.mjtEq.mjEQ_CONNECT
+        made.solref, made.solimp = _stiffness(settings)
+        made.name1 = f"{index}"
+        made.name2 = "world" if parent is None else f"{scenario.body_index(parent.name)}"
+        if joint.type != "fixed":
+            made.data[:3] = in_frame(child, point)
+        else:
+            turn = _inverse(child.orientation)
+            if parent is not None:
+                mujoco.mju_mulQuat(turn, _inverse(child.orientation), np.array(parent.orientation))
+            # anchor in the second body, then its pose in the first
+            made.data[:3] = in_frame(parent, point)
+            origin = np.zeros(3) if parent is None else parent.position
+            made.data[3:6], made.data[6:10], made.data[10] = in_frame(child, origin), turn, 1.0
+
+
+def start_rates(scenario: Scenario, model: Any, qvel: Array) -> None:
+    """Set the rates of the joints at the start, from the velocities of their bodies."""
+    named: Mapping[str, Body] = {body.name: body for body in scenario.bodies}
+    for joint in spanning_trees(scenario)[0]:
+        if joint.type == "fixed":
+            continue
+        child, parent = named[joint.child], moved_parent(scenario, joint)
+        turn, speed = np.array(child.angular_velocity), np.array(child.linear_velocity)
+        if parent is not None:
+            turn = turn - parent.angular_velocity
+            arm = mass_center(child) - mass_center(parent)
+            speed = speed - parent.linear_velocity - np.cross(parent.angular_velocity, arm)
+        first = int(model.joint(f"joint {joint.name}").dofadr[0])
+        if joint.type == "ball":
+            qvel[first : first + 3] = _turned_back(child, turn)
+        else:
+            qvel[first] = np.dot(joint.axis, turn if joint.type == "hinge" else speed)
