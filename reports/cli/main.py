@@ -333,7 +333,7 @@ def show(
 
 
 def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format) -> None:
-    from touchstone.reports.docs.listing import show_rows, surface_lines, truth_lines
+    from touchstone.reports.docs.listing import joint_rows, show_rows, surface_lines, truth_lines
     from touchstone.scenarios.scenario import UNMOVED
 
     if model_card:
@@ -369,6 +369,9 @@ def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format)
         for line in (*surface_lines(chosen), *truth_lines(chosen)):
             print(line)
     show_rows(rows, output)
+    if chosen.body_joints and output is Format.table:
+        print()
+        show_rows(joint_rows(chosen), output)
 
 
 app.command("check-engine")(check_engine)

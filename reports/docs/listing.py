@@ -13,7 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from math import inf
 from typing import Literal
 
-from touchstone.scenarios.scenario import Scenario, Vector
+from touchstone.scenarios.scenario import UNBOUNDED, Scenario, Vector
 
 ARCS_SHOWN = 6
 """Largest number of arcs of a closed form that are printed."""
@@ -24,6 +24,7 @@ LAWS = {
     "turntable": "rolls on the turning body, its centre on a circle",
     "smooth_contact": "rolls, slides and leaves, integrated to rounding",
     "tipping": "tips from edge to edge, each of which takes the same share of the rate",
+    "mechanism": "moves with its joints, integrated to rounding",
 }
 
 
@@ -233,6 +234,40 @@ def effect_rows(scenario: Scenario, measured: bool = False) -> list[dict[str, ob
         for row, one in zip(rows, decisions):
             row["cost [%]"] = f"{100 * found[one.effect]:.0f}" if one.effect in found else ""
     return [row | {"because": one.reason} for row, one in zip(rows, decisions)]
+
+
+def joint_rows(scenario: Scenario) -> list[dict[str, object]]:
+    """The joints between bodies: what they connect, where, and their limits and forces."""
+    from touchstone.scenarios.body_joints import ALONG_AXIS
+
+    rows: list[dict[str, object]] = []
+    for joint in scenario.body_joints:
+        along = joint.type in ALONG_AXIS
+        low, high = (
+            "" if abs(bound) >= UNBOUNDED else f"{bound:.4g}" for bound in (joint.lower, joint.upper)
+        )
+        forces = {
+            "k": (joint.stiffness, joint.stiffness),
+            "target": (joint.target, joint.stiffness),
+            "c": (joint.damping, joint.damping),
+            "rate": (joint.target_rate, joint.damping),
+            "at most": (joint.largest_force, joint.largest_force < UNBOUNDED),
+        }
+        rows.append(
+            {
+                "joint": joint.name,
+                "type": joint.type,
+                "parent": joint.parent or "(world)",
+                "child": joint.child,
+                "anchor [m]": _numbers(joint.anchor),
+                "axis": _numbers(joint.axis) if along else "",
+                "limits": f"{low} to {high}" if low or high else "",
+                "forces": ", ".join(
+                    f"{name} {value:.4g}" for name, (value, acts) in forces.items() if acts and value
+                ),
+            }
+        )
+    return rows
 
 
 def surface_lines(scenario: Scenario) -> Iterator[str]:

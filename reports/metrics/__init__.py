@@ -5,7 +5,7 @@ from __future__ import annotations
 from touchstone.reports.metrics import posture, solver
 from touchstone.reports.metrics.contacts import contact, forces, overlap, rest
 from touchstone.reports.metrics.context import Metric
-from touchstone.reports.metrics.motion import energy, events, truth
+from touchstone.reports.metrics.motion import energy, events, joints, truth
 
 _MM, _MS, _US = ("mm", 1e3), ("ms", 1e3), ("us", 1e6)
 
@@ -84,6 +84,9 @@ _ALL = (
     ),
     Metric("solver.caps", "caps reached", "1", "lower", solver.solver_caps),
     Metric("joint.limit", "excess over a hinge limit", "rad", "lower", posture.joint_limit),
+    Metric("joint.stop", "excess over a slider's limit", "m", "lower", joints.joint_stop, _MM),
+    Metric("joint.drift", "distance of a joint's anchors", "m", "lower", joints.joint_drift, _MM),
+    Metric("joint.turn", "turn of a joint across its axis", "rad", "lower", joints.joint_turn),
     Metric("joint.cone", "excess over a reach cone", "rad", "lower", posture.joint_cone),
     Metric("joint.speed", "hinge speed", "rad/s", "lower", posture.joint_speed),
     Metric("posture.deviation", "deviation of posture", "rad", "lower", posture.posture_deviation),

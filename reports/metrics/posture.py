@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, judging
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, judging, worst
+from touchstone.reports.metrics.motion.joints import bounded, excess
 from touchstone.scenarios.avatar.chains import hinge_axes, shortest_rotations
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.avatar.tracking import sample
@@ -67,10 +68,12 @@ def tracked_depths(scenario: Scenario) -> dict[tuple[int, int], Array]:
 
 def joint_limit(context: Context) -> Values:
     """Largest excess of a hinge over its limits [rad]."""
-    names = _hinges(context)
-    if not names:
-        raise NotMeasured("the scene has no joints")
-    return _worst_joint(limit_excess(context), [joint.name for joint in names])
+    over = limit_excess(context).max(axis=0, initial=0.0)
+    found = {joint.name: float(value) for joint, value in zip(_hinges(context), over)}
+    found |= {one.name: float(excess(context, one).max()) for one in bounded(context.scenario, "hinge")}
+    if not found:
+        raise NotMeasured("no hinge has limits")
+    return worst(found)
 
 
 def joint_cone(context: Context) -> Values:

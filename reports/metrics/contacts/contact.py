@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from touchstone.adapters.contract import FRICTION_IMPULSES, NOT_REPORTED, Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
 from touchstone.reports.metrics.motion.events import OPEN_GAP, Bounce, Gap, bounces, gap_of
+from touchstone.scenarios.body_joints import WORLD, mechanisms
 from touchstone.scenarios.scenario import ORIGIN, TRACKED, Body, Sphere
 
 Mask = NDArray[np.bool_]
@@ -22,6 +23,8 @@ LACKING = "the engine reports no impulses of friction"
 UNTOUCHED = 1e-9
 """Change of velocity over |v| + g T, both at their largest, below which it is rounding in double precision
 [1]."""
+JOINED = 1e-6
+"""The same for joined bodies, whose common momentum joints change by the errors of their steps [1]."""
 BOUNCE_SPEED = 1.0
 """Least approach speed of a judged bounce [m/s]; below it, engines and method fade restitution out."""
 
@@ -32,27 +35,47 @@ REFERENCE_SPEED = 1.4
 
 
 def impulse_balance(context: Context) -> Values:
-    """Sum over frames of |sum J - (m dv - m g h)| over the sum of |m dv - m g h|, per simulated body."""
+    """Sum over frames of |sum J - (m dv - m g h)| over the sum of |m dv - m g h|, per simulated body.
+
+    Bodies that joints connect share the value of their sums; not measured where joints connect them with
+    what contact does not move, since forces of joints are not reported.
+    """
     if lacks_friction(context):
         raise NotMeasured(LACKING)
     rows = context.recording.contacts
-    frames = len(context.recording.time) - 1
-    frame = context.contact_frame
-    found = {}
-    for body in context.simulated:
-        felt = np.zeros((frames, 3))
+    found: dict[str, float] = {}
+    for bodies in _free_groups(context):
+        felt = np.zeros((len(context.recording.time) - 1, 3))
         for side, sign in (("a", -1.0), ("b", 1.0)):
-            mine = rows[f"body_{side}"] == body
-            np.add.at(felt, frame[mine], sign * rows["impulse"][mine])
-        change = context.mass[body] * np.diff(context.recording.linear_velocity[:, body], axis=0)
-        change -= context.mass[body] * context.gravity * context.frame
+            mine = np.isin(rows[f"body_{side}"], bodies)
+            np.add.at(felt, context.contact_frame[mine], sign * rows["impulse"][mine])
+        masses = context.mass[bodies]
+        gained = np.diff(context.recording.linear_velocity[:, bodies], axis=0)
+        change = np.einsum("b,fbi->fi", masses, gained - context.gravity * context.frame)
         total = np.linalg.norm(change, axis=1).sum()
-        if total > _rounding(context, body) * context.mass[body] * _pace(context, body):
+        least = JOINED if len(bodies) > 1 else 0.0
+        if total > sum(
+            max(least, _rounding(context, k)) * context.mass[k] * _pace(context, k) for k in bodies
+        ):
             residual = np.linalg.norm(felt - change, axis=1).sum()
-            found[context.scenario.bodies[body].name] = float(residual / total)
+            found |= {context.scenario.bodies[k].name: float(residual / total) for k in bodies}
     if not found:
         raise NotMeasured("no simulated body is touched")
     return worst(found) if "heap" in context.scenario.tags else found
+
+
+def _free_groups(context: Context) -> list[list[int]]:
+    """Simulated bodies alone, or with all that joints connect them with; without those of joints with a body
+    that contact does not move."""
+    index = {body.name: k for k, body in enumerate(context.scenario.bodies)}
+    groups: list[list[int]] = []
+    joined: set[str] = set()
+    for joints in mechanisms(context.scenario):
+        names = dict.fromkeys(name for joint in joints for name in (joint.parent, joint.child))
+        joined |= names.keys()
+        if all(name != WORLD and context.kind[index[name]] == "simulated" for name in names):
+            groups.append([index[name] for name in names])
+    return [[k] for k in context.simulated if context.scenario.bodies[k].name not in joined] + groups
 
 
 def lacks_friction(context: Context) -> bool:

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
+from touchstone.reports.metrics.motion.joints import driving, spring_energy
 from touchstone.reports.metrics.posture import limit_excess
 from touchstone.scenarios.scenario import UNMOVED
 
@@ -64,8 +65,11 @@ def energy_injected(context: Context) -> Values:
     driven bodies exert some: the same with the velocity of the driven body, as in `energy.drive`, so that a
     contact must not give more than its driver. Subject `all`, in scenes with driven bodies: every body; W is
     the work of the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
-    Prescribed bodies and those whose surface moves count as driven ones.
+    Prescribed bodies and those whose surface moves count as driven ones. U includes the springs of joints
+    between bodies; not measured where such a joint drives its bodies: its work is not known.
     """
+    if reason := driving(context.scenario):
+        raise NotMeasured(reason)
     found: dict[str, float | Value] = {
         subject: float(np.max(rise)) for subject, rise in energy_rise(context).items()
     }
@@ -100,6 +104,8 @@ def energy_ledger(context: Context) -> Values:
     """
     if context.recording.facts["engine"] != "reference":
         raise NotMeasured("only the reference tells impulses with the velocities before and after each")
+    if context.scenario.body_joints:
+        raise NotMeasured("the work of joints between bodies is not told")
     rows, drives = context.recording.contacts, context.drives
     free = ~drives[rows["body_a"]] & ~drives[rows["body_b"]]
     normal, tangential = context.impulses
@@ -129,9 +135,10 @@ def _rise(s: Array, stores: Array) -> Array:
 
 
 def mechanical_energy(context: Context, bodies: list[int]) -> Array:
-    """Kinetic and potential energy per frame (f,) [J]; driven bodies feel no gravity."""
+    """Kinetic and potential energy per frame (f,) [J], springs of joints between bodies included; driven
+    bodies feel no gravity."""
     r = context.recording
-    energy = np.zeros(len(r.time))
+    energy = spring_energy(context)
     for k in bodies:
         energy += _kinetic(context, k, r.linear_velocity[:, k], r.orientation[:, k], r.angular_velocity[:, k])
         if context.kind[k] == "simulated":

@@ -83,10 +83,15 @@ def test_show_in_every_format(touchstone, form):
         ("slip", "dw/dt = (0, 147.15, 0) rad/s^2"),
         ("spring", "truth light: follows its tracker by Eq. 6, solved in closed form"),
         ("tumble_stable", "truth box: turns freely, by elliptic functions"),
+        ("four_bar", "truth rocker: moves with its joints, integrated to rounding"),
+        ("slider_spring", "slider  slider  (world)  block  (0, 0, 0)   (0.866025, 0, -0.5)  "),
+        ("gripper_lifts", "c 1000, rate 10, at most 20"),
+        ("ragdoll_stairs", "0 to 2.4  c 0.5"),
     ],
 )
-def test_show_tells_the_truth(touchstone, scene, line):
+def test_show_tells_the_truth(touchstone, monkeypatch, scene, line):
     """A probe is shown with how its bodies must move."""
+    monkeypatch.setenv("COLUMNS", "200")
     code, out, err = touchstone("show", scene)
     assert (code, err) == (0, "")
     assert line in out

@@ -1,0 +1,124 @@
+"""How far joints between bodies come apart, exceed their limits and store energy, from recorded poses."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Array
+from touchstone.reports.metrics.context import Context, NotMeasured, Values, worst
+from touchstone.scenarios.body_joints import ALONG_AXIS, WORLD
+from touchstone.scenarios.scenario import UNBOUNDED, BodyJoint, Scenario
+
+
+class JointMotion(NamedTuple):
+    """A joint per frame (f,): the distance of its two anchors, across the axis of a slider [m]; the angle by
+    which it turns otherwise than it may [rad]; its position [rad, m], 0 of ball and fixed joints."""
+
+    gap: Array
+    turn: Array
+    position: Array
+
+
+def joint_motion(context: Context, joint: BodyJoint) -> JointMotion:
+    """Motion of a joint, whose frame and anchors are those of its bodies in the first frame."""
+    place, turn = _poses(context, joint.parent)
+    other, turned = _poses(context, joint.child)
+    anchor, axis = np.array(joint.anchor), np.array(joint.axis)
+    start, end = (
+        at + pose.apply(pose[0].inv().apply(anchor - at[0])) for at, pose in ((place, turn), (other, turned))
+    )
+    # the parent's motion undone: the child as seen from it, in the axes of the start
+    back = turn[0] * turn.inv()
+    apart, relative = back.apply(end - start), back * turned * turned[0].inv()
+    position = np.zeros(len(apart))
+    if joint.type == "slider":
+        position = apart @ axis
+        apart = apart - np.outer(position, axis)
+    angle = np.asarray(relative.magnitude())
+    if joint.type == "hinge":
+        x, y, z, w = relative.as_quat().T
+        position = np.unwrap(2 * np.arctan2(np.column_stack([x, y, z]) @ axis, w))
+        shown = relative.apply(axis)
+        angle = np.arctan2(np.linalg.norm(np.cross(axis, shown), axis=1), shown @ axis)
+    elif joint.type == "ball":
+        angle = np.zeros(len(apart))
+    return JointMotion(np.linalg.norm(apart, axis=1), angle, position)
+
+
+def _poses(context: Context, name: str) -> tuple[Array, Rotation]:
+    """Places (f, 3) of a body's origin and its orientations; those of the world for its name."""
+    r = context.recording
+    if name == WORLD:
+        return np.zeros((len(r.time), 3)), Rotation.identity(len(r.time))
+    k = context.scenario.body_index(name)
+    return r.position[:, k], Rotation.from_quat(r.orientation[:, k], scalar_first=True)
+
+
+def _joints(context: Context) -> tuple[BodyJoint, ...]:
+    if not context.scenario.body_joints:
+        raise NotMeasured("the scene has no joints between bodies")
+    return context.scenario.body_joints
+
+
+def joint_drift(context: Context) -> Values:
+    """Largest distance of the two anchors of a joint between bodies, across the axis of a slider [m]."""
+    return worst({one.name: float(joint_motion(context, one).gap.max()) for one in _joints(context)})
+
+
+def joint_turn(context: Context) -> Values:
+    """Largest angle by which a joint between bodies turns otherwise than it may [rad]."""
+    found = {
+        one.name: float(joint_motion(context, one).turn.max())
+        for one in _joints(context)
+        if one.type != "ball"
+    }
+    if not found:
+        raise NotMeasured("ball joints may turn in every way")
+    return worst(found)
+
+
+def joint_stop(context: Context) -> Values:
+    """Largest excess of a slider over its limits [m]."""
+    found = {one.name: float(excess(context, one).max()) for one in bounded(context.scenario, "slider")}
+    if not found:
+        raise NotMeasured("no slider has limits")
+    return worst(found)
+
+
+def bounded(scenario: Scenario, kind: str) -> list[BodyJoint]:
+    """Joints between bodies of one type that have limits."""
+    return [
+        one for one in scenario.body_joints if one.type == kind and min(-one.lower, one.upper) < UNBOUNDED
+    ]
+
+
+def excess(context: Context, joint: BodyJoint) -> Array:
+    """Excess of a joint over its limits per frame (f,) [rad, m]; 0 within."""
+    q = joint_motion(context, joint).position
+    return np.maximum(0.0, np.maximum(joint.lower - q, q - joint.upper))
+
+
+def spring_energy(context: Context) -> Array:
+    """Energy of the springs of joints between bodies per frame (f,), k (q - target)^2 / 2 [J]."""
+    total = np.zeros(len(context.recording.time))
+    for joint in context.scenario.body_joints:
+        if joint.type in ALONG_AXIS and joint.stiffness:
+            total += joint.stiffness * (joint_motion(context, joint).position - joint.target) ** 2 / 2
+    return total
+
+
+def driving(scenario: Scenario) -> str:
+    """Why joints of a scene may add energy that is not known; empty if they cannot.
+
+    Springs store energy and dampers only lower it. The work of a motor, of a spring with a largest force, and
+    of a joint with a prescribed body is not known from recorded frames.
+    """
+    prescribed = {body.name for body in scenario.bodies if body.kind == "prescribed"}
+    for joint in scenario.body_joints:
+        bound = joint.stiffness and joint.largest_force < UNBOUNDED
+        if joint.damping * joint.target_rate or bound or joint.parent in prescribed:
+            return f"{joint.name} drives its bodies: its work is not known"
+    return ""

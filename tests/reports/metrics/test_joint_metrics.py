@@ -1,0 +1,102 @@
+"""Metrics of joints between bodies on motions that are known: drift, turns, limits, springs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from touchstone.reports.metrics.context import Context, NotMeasured
+from touchstone.reports.metrics.motion.joints import joint_motion
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.truths.mechanism import played
+
+ROUNDING = 1e-11
+"""Drift of an integrated truth [m, rad]."""
+
+
+@pytest.mark.parametrize("name", ["bricard", "chain_swings", "governor", "slider_crank"])
+def test_truths_do_not_drift(recordings, known, name):
+    """Anchors meet and axes agree where every body moves by the truth."""
+    scene = catalogue()[name]
+    recording = known.ideal(recordings, scene)
+    assert known.value("joint.drift", recording, scene)[""].value == pytest.approx(0, abs=ROUNDING)
+    if name != "chain_swings":
+        turn = known.value("joint.turn", recording, scene)[""]
+        assert getattr(turn, "value", turn) == pytest.approx(0, abs=ROUNDING)
+
+
+def test_positions_count_whole_turns(recordings, known):
+    """A flywheel's angle is that of the integration, over several turns; a slider's is its travel."""
+    scene = catalogue()["motor_hinge"]
+    context = Context(known.ideal(recordings, scene), scene)
+    angle = joint_motion(context, scene.body_joints[0]).position
+    expected = played(scene)[0].solution(context.recording.time)[13]
+    assert expected[-1] > 4 * np.pi
+    np.testing.assert_allclose(angle, expected, atol=1e-10)
+    scene = catalogue()["slider_spring"]
+    context = Context(known.ideal(recordings, scene), scene)
+    travel = joint_motion(context, scene.body_joints[0]).position
+    moved = context.recording.position[:, 0] @ np.array(scene.body_joints[0].axis)
+    np.testing.assert_allclose(travel, moved, atol=1e-14)
+
+
+def test_drift_is_the_distance_of_the_anchors(recordings, known):
+    """A link that is 1 mm off in one frame has parted by that; one turned about z by that angle."""
+    scene = catalogue()["four_bar"]
+    right = known.ideal(recordings, scene)
+    position = right.position.copy()
+    position[30, 1] += (0.0, 1e-3, 0.0)
+    parted = known.value("joint.drift", replace(right, position=position), scene)[""]
+    assert parted.value == pytest.approx(1e-3, rel=1e-9)
+    assert parted.reason in ("of b_coupler", "of c_rocker")
+    orientation = right.orientation.copy()
+    w, x, y, z = orientation[30, 1]
+    half = 0.005
+    orientation[30, 1] = np.cos(half) * np.array((w, x, y, z)) + np.sin(half) * np.array((-z, -y, x, w))
+    turned = known.value("joint.turn", replace(right, orientation=orientation), scene)[""]
+    assert turned.value == pytest.approx(0.01, rel=1e-6)
+
+
+def test_excess_is_beyond_the_limits(recordings, known):
+    """A hinge and a slider that move farther than their limits exceed them by the rest."""
+    for name, metric in (("motor_hinge", "joint.limit"), ("slider_spring", "joint.stop")):
+        scene = catalogue()[name]
+        recording = known.ideal(recordings, scene)
+        reach = joint_motion(Context(recording, scene), scene.body_joints[0]).position.max()
+        bound = replace(scene.body_joints[0], upper=0.75 * reach)
+        bounded = replace(scene, body_joints=(bound,), truths=())
+        assert known.value(metric, recording, bounded)[""].value == pytest.approx(reach / 4, rel=1e-9)
+        with pytest.raises(NotMeasured, match="limits"):
+            known.value(metric, recording, scene)
+
+
+def test_springs_store_energy(recordings, known):
+    """Without its damper a spring keeps the energy; with it, energy only falls."""
+    scene = catalogue()["slider_spring"]
+    damped = known.ideal(recordings, scene)
+    assert known.value("energy.injected", damped, scene)["simulated"] < 1e-12
+    joint = replace(scene.body_joints[0], damping=0.0)
+    free = replace(scene, body_joints=(joint,), tags=("joints", "conservative"))
+    recording = known.ideal(recordings, free)
+    assert abs(known.value("energy.gain", recording, free)[""]) < 1e-10
+    assert abs(known.value("energy.loss", recording, free)[""]) < 1e-10
+    # without the spring's energy, that of the motion would be lost
+    bare = replace(free, body_joints=(replace(joint, stiffness=0.0),))
+    assert known.value("energy.loss", recording, bare)[""] < -1e-3
+
+
+def test_the_work_of_motors_is_not_known(recordings, known):
+    """Energy is not judged where a joint drives its bodies."""
+    scene = catalogue()["motor_hinge"]
+    with pytest.raises(NotMeasured, match="drives its bodies: its work is not known"):
+        known.value("energy.injected", known.ideal(recordings, scene), scene)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "hinged_pair"])
+def test_forces_of_joints_are_no_missing_impulses(recordings, known, name):
+    """Bodies that nothing touches are balanced together with what they are joined to, or not at all."""
+    scene = catalogue()[name]
+    with pytest.raises(NotMeasured, match="no simulated body is touched"):
+        known.value("contact.impulse_balance", known.ideal(recordings, scene), scene)
