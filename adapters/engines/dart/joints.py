@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import dartpy
 import numpy as np
 
-from touchstone.adapters.contract import Array, Unsupported
 from touchstone.adapters.engines.dart.model import add_free, isometry
-from touchstone.scenarios.body_joints import is_limited, mass_center, mechanisms, spanning_trees
-from touchstone.scenarios.scenario import IDENTITY, ORIGIN, UNBOUNDED, Body, BodyJoint, Scenario
+from touchstone.adapters.joined_bodies import closing_points, moved_parent, start_motion
+from touchstone.scenarios.body_joints import is_limited, mechanisms, spanning_trees
+from touchstone.scenarios.scenario import IDENTITY, ORIGIN, UNBOUNDED, BodyJoint, Scenario
 
 
 class Joined(NamedTuple):
@@ -42,13 +42,6 @@ def add_mechanisms(world: Any, scenario: Scenario) -> Joined:
     return Joined(nodes, motors)
 
 
-def _parent(scenario: Scenario, joint: BodyJoint) -> Body | None:
-    parent = next((body for body in scenario.bodies if body.name == joint.parent), None)
-    if parent is not None and parent.kind == "prescribed":
-        raise Unsupported(f"dart: no joint with a prescribed body ({joint.name!r})")
-    return parent if parent is not None and parent.kind == "simulated" else None
-
-
 def _add(
     skeleton: Any,
     scenario: Scenario,
@@ -57,7 +50,7 @@ def _add(
     motors: list[tuple[Any, BodyJoint]],
 ) -> None:
     """Add the child of a joint to its parent's node, which it adds with a free joint if it is new."""
-    parent, index = _parent(scenario, joint), scenario.body_index(joint.child)
+    parent, index = moved_parent("dart", scenario, joint), scenario.body_index(joint.child)
     child, outer = scenario.bodies[index], None
     frame = isometry(ORIGIN, IDENTITY)
     if parent is not None:
@@ -76,11 +69,7 @@ def _add(
     pose = inner.multiply(isometry(child.position, child.orientation))
     made.setTransformFromParentBodyNode(place)
     made.setTransformFromChildBodyNode(pose.inverse().multiply(place))
-    turn, speed = np.array(child.angular_velocity), np.array(child.linear_velocity)
-    if parent is not None:
-        arm = mass_center(child) - mass_center(parent)
-        speed = speed - parent.linear_velocity - np.cross(parent.angular_velocity, arm)
-        turn = turn - parent.angular_velocity
+    turn, speed = start_motion(child, parent)
     if joint.type == "ball":
         made.setVelocities(inner.rotation() @ turn)
         for k in range(3):
@@ -118,18 +107,13 @@ def push_motors(motors: list[tuple[Any, BodyJoint]]) -> None:
 
 def _close(world: Any, scenario: Scenario, joint: BodyJoint, nodes: dict[int, Any]) -> None:
     """Close a loop: a ball joint by one point, a hinge by two on its axis, a fixed joint as a whole."""
-    if joint.type == "slider" or joint.stiffness or joint.damping or is_limited(joint):
-        raise Unsupported(f"dart: no {joint.type} with forces or limits closes a loop ({joint.name!r})")
-    child, parent = nodes[scenario.body_index(joint.child)], _parent(scenario, joint)
+    index = scenario.body_index(joint.child)
+    points = closing_points("dart", joint, scenario.bodies[index])
+    child, parent = nodes[index], moved_parent("dart", scenario, joint)
     ends = [child] if parent is None else [child, nodes[scenario.body_index(parent.name)]]
     solver = world.getConstraintSolver()
     if joint.type == "fixed":
         solver.addConstraint(dartpy.constraint.WeldJointConstraint(*ends))
         return
-    points: list[Array] = [np.array(joint.anchor)]
-    if joint.type == "hinge":
-        body = scenario.bodies[scenario.body_index(joint.child)]
-        arm = float(np.linalg.norm(mass_center(body) - joint.anchor)) or 1.0
-        points = [points[0] + side * arm * np.array(joint.axis) for side in (-0.5, 0.5)]
     for point in points:
         solver.addConstraint(dartpy.constraint.BallJointConstraint(*ends, point))

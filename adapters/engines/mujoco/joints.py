@@ -8,10 +8,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from touchstone.adapters.contract import Array, Settings, Unsupported
+from touchstone.adapters.contract import Array, Settings
 from touchstone.adapters.engines.mujoco.contacts import solref_of
 from touchstone.adapters.engines.mujoco.settings import SETTINGS
-from touchstone.scenarios.body_joints import is_limited, mass_center, spanning_trees
+from touchstone.adapters.joined_bodies import closing_points, moved_parent, start_motion
+from touchstone.scenarios.body_joints import is_limited, spanning_trees
 from touchstone.scenarios.scenario import UNBOUNDED, Body, BodyJoint, Scenario, Vector
 
 TYPES = {
@@ -40,23 +41,11 @@ def _inverse(quaternion: tuple[float, ...]) -> Array:
     return np.array(quaternion) * (1.0, -1.0, -1.0, -1.0)
 
 
-def moved_parent(scenario: Scenario, joint: BodyJoint) -> Body | None:
-    """The parent that a joint's child is nested in: a simulated body, or None for the world and fixed ones.
-
-    Raises:
-        Unsupported: the parent is prescribed.
-    """
-    parent = next((body for body in scenario.bodies if body.name == joint.parent), None)
-    if parent is not None and parent.kind == "prescribed":
-        raise Unsupported(f"mujoco: no joint with a prescribed body ({joint.name!r})")
-    return parent if parent is not None and parent.kind == "simulated" else None
-
-
 def add_trees(spec: Any, scenario: Scenario, bodies: dict[int, Any], settings: Settings) -> None:
     """Add the bodies that the scene's joints nest in others, parents first, with their joints. Limits are as
     stiff as contacts that do not bounce."""
     for joint in spanning_trees(scenario)[0]:
-        index, parent = scenario.body_index(joint.child), moved_parent(scenario, joint)
+        index, parent = scenario.body_index(joint.child), moved_parent("mujoco", scenario, joint)
         child = scenario.bodies[index]
         outer, turn = spec.worldbody, np.array(child.orientation)
         if parent is not None:
@@ -100,8 +89,6 @@ def add_loops_and_motors(spec: Any, scenario: Scenario, settings: Settings) -> N
     """
     tree, loops = spanning_trees(scenario)
     for joint in loops:
-        if joint.type == "slider" or joint.stiffness or joint.damping or is_limited(joint):
-            raise Unsupported(f"mujoco: no {joint.type} with forces or limits closes a loop ({joint.name!r})")
         _add_loop(spec, scenario, joint, settings)
     for joint in tree:
         if is_motor(joint) and joint.type != "fixed":
@@ -120,13 +107,9 @@ def add_loops_and_motors(spec: Any, scenario: Scenario, settings: Settings) -> N
 def _add_loop(spec: Any, scenario: Scenario, joint: BodyJoint, settings: Settings) -> None:
     """A ball joint is one `connect`; a hinge two on its axis, as far apart as the child is from it; a fixed
     joint a `weld`."""
-    index, parent = scenario.body_index(joint.child), moved_parent(scenario, joint)
+    index, parent = scenario.body_index(joint.child), moved_parent("mujoco", scenario, joint)
     child = scenario.bodies[index]
-    points = [np.array(joint.anchor)]
-    if joint.type == "hinge":
-        arm = np.linalg.norm(mass_center(child) - joint.anchor) or 1.0
-        points = [points[0] + side * arm * np.array(joint.axis) for side in (-0.5, 0.5)]
-    for k, point in enumerate(points):
+    for k, point in enumerate(closing_points("mujoco", joint, child)):
         made = spec.add_equality(name=f"loop {joint.name} {k}", objtype=mujoco.mjtObj.mjOBJ_BODY)
         made.type = mujoco.mjtEq.mjEQ_WELD if joint.type == "fixed" else mujoco.mjtEq.mjEQ_CONNECT
         made.solref, made.solimp = _stiffness(settings)
@@ -150,12 +133,8 @@ def start_rates(scenario: Scenario, model: Any, qvel: Array) -> None:
     for joint in spanning_trees(scenario)[0]:
         if joint.type == "fixed":
             continue
-        child, parent = named[joint.child], moved_parent(scenario, joint)
-        turn, speed = np.array(child.angular_velocity), np.array(child.linear_velocity)
-        if parent is not None:
-            turn = turn - parent.angular_velocity
-            arm = mass_center(child) - mass_center(parent)
-            speed = speed - parent.linear_velocity - np.cross(parent.angular_velocity, arm)
+        child, parent = named[joint.child], moved_parent("mujoco", scenario, joint)
+        turn, speed = start_motion(child, parent)
         first = int(model.joint(f"joint {joint.name}").dofadr[0])
         if joint.type == "ball":
             qvel[first : first + 3] = _turned_back(child, turn)
