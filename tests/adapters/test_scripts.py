@@ -31,7 +31,7 @@ CASES = [
         for engine in ("mujoco", "bullet", "dart")
         for scene in ("slide", "slip")
     ),
-    *((engine, "accurate", "stack") for engine in ("mujoco", "bullet", "dart")),
+    *((engine, "accurate", "stack") for engine in ("mujoco", "bullet")),
     *((engine, "recommended", "prism_rolls") for engine in ("mujoco", "bullet", "dart")),
     *((engine, "recommended", "capsules") for engine in ("mujoco", "bullet", "dart")),
     *((engine, "recommended", "press") for engine in ("mujoco", "bullet")),

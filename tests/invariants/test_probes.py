@@ -40,11 +40,12 @@ ENDED = {one.key[:3] for one in known().values() if one.metric == "run"}
 """(engine, profile, scene) of runs that end before their scene does: known failings of the metric `run`."""
 
 HEAVY = {
-    ("dart", FIRST["dart"]): ("tower_40", "pyramid", "brick_wall", "arch_thin", "tower_20_jittered"),
+    ("dart", FIRST["dart"]): ("",),
+    ("bullet", FIRST["bullet"]): ("",),
     ("reference", "paper"): ("tower_", "arch_", "pyramid", "brick_wall", "dominoes"),
 }
-"""Beginnings of the names of scenes that take 5 to 30 s each: slow tests play them. Lighter scenes of these
-kinds remain."""
+"""Beginnings of the names of scenes that slow tests play: all of engines that `make test-engines` plays, and those
+that take 5 to 30 s each, of which lighter ones remain."""
 
 
 def judged_scenes(engine: str, profile: str) -> list:

@@ -49,6 +49,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Pat
         return run(PAIRS, 5, folder / "one", quietly), folder / "one"
 
 
+@pytest.mark.slow
 def test_rows_are_complete(results) -> None:
     """Hold one row per detector, family, metric and subject, and intervals round every time."""
     frame = results[0]

@@ -414,6 +414,7 @@ def test_accelerations_are_those_of_another_library(seed: int) -> None:
 CHANGED = ("four_bar", "slider_spring", "governor")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGED)
 def test_changed_scenes_have_changed_motions(name: str) -> None:
     """Integrate the mirrored, moved, permuted, turned, heavier and scaled scene: its motion changes so."""

@@ -113,6 +113,7 @@ class Hang(Crash):
 """
 
 
+@pytest.mark.slow
 def test_a_crash_and_a_hang_end_one_check(monkeypatch, tmp_path):
     """A check that ends its process or does not answer is named; the others still run."""
     (tmp_path / "crash_engine.py").write_text(CRASH)

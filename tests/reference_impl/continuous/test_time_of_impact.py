@@ -176,6 +176,7 @@ def tumbling_scenes(draw: st.DrawFn, shapes: st.SearchStrategy = shapes) -> Scen
 any_scenes = st.one_of(scenes(), tumbling_scenes())
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(any_scenes)
 def test_never_later_than_dense_sampling(scene: Scene) -> None:

@@ -266,7 +266,7 @@ def test_every_equation_stands_once() -> None:
     assert sorted(found) == list(range(1, 11))
 
 
-@pytest.mark.parametrize("scene", ["ball_snip", "two_arms"])
+@pytest.mark.parametrize("scene", ["ball_snip", pytest.param("two_arms", marks=pytest.mark.slow)])
 def test_python_gives_what_the_compiler_gives(scene: str, tmp_path) -> None:
     """Play frames in contact with and without the compiler: the same to a nanometre."""
     out = tmp_path / "python.npy"

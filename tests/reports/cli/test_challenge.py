@@ -22,6 +22,7 @@ def test_the_files_are_valid(path):
     assert len(changes_of(found.engine, found.profile, texts)) == len(texts)
 
 
+@pytest.mark.slow
 def test_worse_settings_are_exit_1(touchstone, tmp_path):
     """Contacts of 0.2 s break limits of a stack that `recommended` meets; those of 5 ms break none."""
     if not installed("mujoco"):

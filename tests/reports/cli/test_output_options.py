@@ -93,6 +93,7 @@ def test_quiet_prints_what_decides_the_exit_code(touchstone, runs):
     assert touchstone("compare", "a", "a", "--quiet") == (0, "", "")
 
 
+@pytest.mark.slow
 def test_doctor_is_read_by_programs(touchstone):
     """Every engine has a status; `--quiet` prints what fails alone."""
     code, out, err = touchstone("doctor", "--format", "json")

@@ -63,6 +63,7 @@ def needs_mujoco():
         pytest.skip("mujoco is not installed")
 
 
+@pytest.mark.slow
 def test_a_search_prints_what_plays_again(touchstone, tmp_path):
     """A search of a file's scene ends within its limits, resumes from its store, and its command plays."""
     needs_mujoco()
@@ -86,6 +87,7 @@ def test_a_search_prints_what_plays_again(touchstone, tmp_path):
     assert re.findall(r"mujoco .* 1/", noise) == []  # nothing was played
 
 
+@pytest.mark.slow
 def test_the_nearest_is_printed_where_nothing_reaches(touchstone, tmp_path):
     """An unreachable limit is exit 1, with the nearest setting and by how much it misses."""
     needs_mujoco()

@@ -16,7 +16,7 @@ ROUNDING = 1e-11
 """Drift of an integrated truth [m, rad]."""
 
 
-@pytest.mark.parametrize("name", ["bricard", "chain_swings", "governor", "slider_crank"])
+@pytest.mark.parametrize("name", ["bricard", "slider_crank"])
 def test_truths_do_not_drift(recordings, known, name):
     """Anchors meet and axes agree where every body moves by the truth."""
     scene = catalogue()[name]

@@ -113,6 +113,7 @@ def test_momentum_of_isolated_scenes_is_judged(fakes):
     assert np.isnan(assess(fakes("rests"), random_scene(TOWER), SETTINGS, EXACT).momentum)
 
 
+@pytest.mark.slow
 def test_a_study_outlives_those_that_hang_or_die(fakes, tmp_path):
     """Count a hang and a death, replace the process, and play the others."""
     names = ("rests", "hangs", "dies", "rests", "unsupported", "explodes")

@@ -63,6 +63,7 @@ def _arguments(*versions):
     return ("versions", "--engine", "faked", *(word for one in versions for word in ("--version", one)))
 
 
+@pytest.mark.slow
 def test_an_update_that_changes_physics_is_told(touchstone, released, tmp_path):
     """Equal versions are the same to the bit; another law moves bodies by a known distance, exit 1; versions
     that do not exist or cannot be imported are one line each, and the others are compared."""
