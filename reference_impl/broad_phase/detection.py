@@ -4,6 +4,9 @@ from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, in
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
 from touchstone.reference_impl.core.conventions import (
     DRIVEN,
+    MERGED_A,
+    MERGED_B,
+    MERGED_NOT,
     NEWLY_PRESSED,
     OVERLAP_TOLERANCE,
     PRESSED,
@@ -242,17 +245,25 @@ def mark_pairs(bodies, pieces, pairs, count):
         pieces[k]["marked"] = -1
     for k in range(count):
         piece = pieces[_listing_piece(bodies, pairs[k])]
+        if pairs[k]["merged"] != MERGED_NOT:
+            piece = pieces[pairs[k]["piece_a"] if pairs[k]["merged"] == MERGED_B else pairs[k]["piece_b"]]
         pairs[k]["next_marked"] = piece["marked"]
         piece["marked"] = k
 
 
 @kernel
 def is_marked(bodies, pieces, pairs, pair):
-    """Whether the last call of `mark_pairs` marked a pair of the same two pieces."""
-    k = pieces[_listing_piece(bodies, pair)]["marked"]
-    while k >= 0 and (pairs[k]["piece_a"] != pair["piece_a"] or pairs[k]["piece_b"] != pair["piece_b"]):
-        k = pairs[k]["next_marked"]
-    return k >= 0
+    """Whether the last call of `mark_pairs` marked a pair of the same two pieces, or of one of them and the
+    other's body, whose pieces share a manifold."""
+    for side in range(2):
+        k = pieces[pair["piece_b"] if side else pair["piece_a"]]["marked"]
+        while k >= 0:
+            row = pairs[k]
+            if row["piece_a"] == pair["piece_a"] or (row["merged"] == MERGED_A and row["body_a"] == pair["body_a"]):
+                if row["piece_b"] == pair["piece_b"] or (row["merged"] == MERGED_B and row["body_b"] == pair["body_b"]):
+                    return True
+            k = row["next_marked"]
+    return False
 
 
 @kernel

@@ -20,7 +20,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
 )
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
-from touchstone.reference_impl.core.conventions import GAP_LEFT, NO_FLOOR, SIMULATED, SINKING_DEPTH
+from touchstone.reference_impl.core.conventions import GAP_LEFT, NEVER, NO_FLOOR, SIMULATED, SINKING_DEPTH
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import (
     column,
@@ -84,9 +84,7 @@ def _end_geometry(world, a, b, pair, out_found):
                 if is_moving(body):
                     pose_along(body, 1.0)
                     place_piece(two if side else one, body, world.vertices, 0.0)
-            out_found["piece_a"], out_found["piece_b"] = pair["piece_a"], pair["piece_b"]
-            _, converged = convex_depth(one, two, world.vertices, world.state, out_found)
-            return converged
+            return _nearest_pieces(world, a, b, pair, out_found)
     n, flat_a, flat_b = vector_of(pair["start_normal"]), pair["flat_a"], pair["flat_b"]
     r_a, r_b = core_radius(one, n), core_radius(two, n)
     p = _in_body(a, plus(vector_of(pair["point_a"]), -r_a, n), 1.0)
@@ -128,6 +126,34 @@ def _end_geometry(world, a, b, pair, out_found):
     out_found["distance"] = gap - r_a - r_b
     for i in range(3):
         out_found["normal"][i], out_found["point_a"][i], out_found["point_b"][i] = n[i], p[i], q[i]
+    return True
+
+
+@kernel
+def _nearest_pieces(world, a, b, pair, out_found):
+    """Find distance, normal and points of two pieces; or, on a body that is not simulated, of its nearest
+    piece, to which the contact may have moved. Returns whether they are known."""
+    pieces, one, two = world.pieces, pair["piece_a"], pair["piece_b"]
+    many = a if a["kind"] != SIMULATED else b
+    if many["kind"] != SIMULATED and many["piece_count"] > 1:
+        least, on_a = NEVER, a["kind"] != SIMULATED
+        for k in range(many["first_piece"], many["first_piece"] + many["piece_count"]):
+            p, q = (k, pair["piece_b"]) if on_a else (pair["piece_a"], k)
+            if _may_touch(pieces[p], pieces[q]):
+                convex_depth(pieces[p], pieces[q], world.vertices, world.state, out_found)
+                if out_found["distance"] < least:
+                    least, one, two = out_found["distance"], p, q
+    out_found["piece_a"], out_found["piece_b"] = one, two
+    _, known = convex_depth(pieces[one], pieces[two], world.vertices, world.state, out_found)
+    return known
+
+
+@kernel
+def _may_touch(piece_a, piece_b):
+    """Whether the boxes of two pieces overlap."""
+    for i in range(3):
+        if piece_a["high"][i] < piece_b["low"][i] or piece_b["high"][i] < piece_a["low"][i]:
+            return False
     return True
 
 

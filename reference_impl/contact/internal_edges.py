@@ -2,7 +2,8 @@
 
 At a seam of two coplanar faces (an internal edge), a sliding body and the next piece touch along two normals
 within rounding: that of the face, and that of the piece's side. Taken along the side, the contact would stop
-the body: `align_internal_edges` takes the other normal.
+the body: `align_internal_edges` takes the other normal. A ball that rolls over a seam is nearer to the next
+piece's edge than to its face, along a normal that leans back: no face of the body allows that normal either.
 """
 
 from touchstone.reference_impl.continuous.time_of_impact import gap_along
@@ -13,24 +14,28 @@ from touchstone.reference_impl.solver.mobility import surface_velocity
 
 @inlined_kernel
 def align_internal_edges(bodies, pieces, vertices, pairs, count, state):
-    """Give pairs that approach the normal of another contact of one of their bodies, if that separates them.
+    """Give pairs the normal of another contact of one of their bodies, if that separates them: where they
+    approach, or where a deeper contact of the same two bodies is across a seam.
 
-    A pair keeps its normal unless its pieces overlap by at most OVERLAP_TOLERANCE along the other normal, and
-    approach more slowly along it.
+    A pair keeps its normal unless its pieces overlap by at most OVERLAP_TOLERANCE along the other normal and,
+    but for seams, approach more slowly along it. Across a seam it keeps its distance too.
 
     Args:
-        pairs: `pairs[:count]` touch, and their pieces are placed.
+        pairs: `pairs[:count]` touch or are near, and their pieces are placed.
     """
     for k in range(count):
         speed = witness_approach(bodies, pairs[k], pairs[k]["normal"], 1.0, state)
-        if speed <= APPROACH_MIN:
+        approaches = speed > APPROACH_MIN and state["dense_substep"] == 0
+        if not approaches and state["compound"] == 0:
             continue
         for j in range(count):
+            seam = pairs[k]["body_a"] == pairs[j]["body_a"] and pairs[k]["body_b"] == pairs[j]["body_b"]
+            seam = seam and pairs[j]["distance"] < pairs[k]["distance"]
+            if j == k or not (seam or approaches):
+                continue
             side = _shared_side(bodies, pairs[k], pairs[j])
-            if (
-                j != k
-                and side != 0
-                and _align(bodies, pieces, vertices, pairs[k], pairs[j], side, speed, state)
+            if side != 0 and _align(
+                bodies, pieces, vertices, pairs[k], pairs[j], side, speed, seam, state
             ):
                 break
 
@@ -61,17 +66,20 @@ def _shared_side(bodies, pair, other):
 
 
 @kernel
-def _align(bodies, pieces, vertices, pair, other, side, speed, state):
-    """Take the normal of `other` if the pair's pieces are apart along it and approach more slowly; returns
-    whether they are."""
+def _align(bodies, pieces, vertices, pair, other, side, speed, seam, state):
+    """Take the normal of `other` if the pair's pieces are apart along it and, unless a `seam` is between them,
+    approach more slowly; returns whether they are."""
     m = other["normal"]
-    if witness_approach(bodies, pair, m, side, state) >= speed:
+    along = witness_approach(bodies, pair, m, side, state)
+    if along >= speed and not seam:
         return False
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     gap = gap_along(one, two, vertices, side * m[0], side * m[1], side * m[2], state)
     if gap < -OVERLAP_TOLERANCE:
         return False
-    pair["distance"] = gap
+    pair["key"] = along
+    if not seam:
+        pair["distance"] = gap
     for i in range(3):
         middle = (pair["point_a"][i] + pair["point_b"][i]) / 2
         pair["normal"][i] = side * m[i]

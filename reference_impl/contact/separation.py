@@ -275,7 +275,7 @@ def _move_together(world, first, end, left, most):
         weigh_hinges(bodies, world.joints, world.drivers[d])
         weigh_for_impacts(world.drivers[d])
     # of two parallel faces, a motion that separates the deepest points alone may sink others as deep
-    count = expand_manifolds(world.pieces, world.vertices, rows, end - first, True, state)
+    count = expand_manifolds(bodies, world.pieces, world.vertices, rows, end - first, True, state)
     for k in range(count):
         pair = rows[k]
         place_contact(pair, 0.5)

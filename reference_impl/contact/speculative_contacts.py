@@ -95,8 +95,8 @@ def gather_contacts(world, left):
     if crowded:
         end, h = _gather_speculative(world, left)
         state["counters"][COUNT_DENSE] += 1
-    else:
-        align_internal_edges(bodies, pieces, vertices, pairs, end, state)
+    align_internal_edges(bodies, pieces, vertices, pairs, end, state)
+    if not crowded:
         end = _drop_impacts_ahead(bodies, pairs, end, state, rest_speed(state))
     pressed = False
     if state["driven_loop"] == 1:
@@ -109,7 +109,7 @@ def gather_contacts(world, left):
         if pairs[k]["distance"] <= TOUCH_DISTANCE:
             pairs[k]["key"] = 0.0
     # points that may land within a dense substep, or that a driver presses, are speculative contacts
-    end = expand_manifolds(pieces, vertices, pairs, end, crowded or pressed, state)
+    end = expand_manifolds(bodies, pieces, vertices, pairs, end, crowded or pressed, state)
     for k in range(end):
         gap = pairs[k]["distance"]
         pairs[k]["speculative_speed"] = 0.0

@@ -84,6 +84,8 @@ FACE_CORNERS = 512
 MANIFOLD_HEIGHT = 4e-6
 """Height over the support plane below which a vertex belongs to the touching feature, and least extent of a
 manifold [m]: some TOUCH_DISTANCE, because a slightly tilted face still touches at its far end."""
+MERGED_NOT, MERGED_A, MERGED_B = 0, 1, 2
+"""Body of which several pieces share a manifold."""
 EVENT_CAP = 192
 """Substeps of one frame: DENSE_EVENTS, DENSE_PARTS, and the rest for impacts within dense substeps."""
 WARM_START_CAPACITY = 4096

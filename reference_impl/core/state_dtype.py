@@ -65,6 +65,7 @@ STATE = record(
     separates="i8",  # 1 while separation solves for the least motion
     mechanisms="i8",  # 1: joints connect bodies
     driven_count="i8",  # rows of `drivers` that follow trackers; mechanisms come after them
+    compound="i8",  # 1: a body has several pieces
     moving_surfaces="i8",  # 1: the material of a piece's surface moves
     # errors of a frame: each is 0 if the frame was resolved exactly
     missed="i8",  # 1: a warm start of this frame missed its target
@@ -137,6 +138,7 @@ STATE = record(
     # corners of the features of A and B, clipped by each other, in the contact frame (`contact_manifold`)
     lower=("f8", (2 * FACE_CORNERS, 3)),
     upper=("f8", (2 * FACE_CORNERS, 3)),
+    patch=("f8", (2 * FACE_CORNERS, 3)),  # points of a manifold with several pieces
     # EPA's polytope (`epa.py`); unsigned 16-bit indices spare Numba's check for negative indices
     start=("u2", (4 * EPA_FACES,)),
     twin=("u2", (4 * EPA_FACES,)),

@@ -18,14 +18,22 @@ from touchstone.reference_impl.core.conventions import (
     FACE_CORNERS,
     HULL,
     MANIFOLD_HEIGHT,
+    MERGED_A,
+    MERGED_NOT,
     TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import cross, dot, plus, times, vector_of
+from touchstone.reference_impl.core.rotation import copy_vector, cross, dot, plus, times, vector_of
 from touchstone.reference_impl.geometry.capsule_distance import (
     are_alongside,
     contact_at_end,
     has_side,
+)
+from touchstone.reference_impl.geometry.contact_patch import (
+    group_patches,
+    has_faces,
+    take_deepest,
+    without_merged,
 )
 from touchstone.reference_impl.geometry.shapes import axis_of
 
@@ -44,7 +52,7 @@ EQUAL_AREA = 1e-9
 
 
 @kernel
-def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
+def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
     """Write one row per manifold point of each touching pair of polyhedra or of sides along each other; other
     pairs keep their witnesses.
 
@@ -56,9 +64,14 @@ def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
     Returns:
         Index after the last row.
     """
-    rows = touching
+    rows, grouped = touching, state["compound"] == 1 and group_patches(bodies, pieces, pairs, touching)
     for k in range(touching):
         pair = pairs[k]
+        if grouped and pair["patch"] != k:
+            continue
+        shared = grouped and pair["merged"] != MERGED_NOT
+        if shared:
+            take_deepest(pairs, k, touching)
         a, b = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
         pair["next_point"] = -1
         pair["level"] = 0.5
@@ -70,7 +83,9 @@ def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
             rows += _write_sides(a, b, pairs, k, rows)
             continue
         pair["manifold"] = k
-        count, face_on_a = _clipped_feature(a, b, vertices, pair, wide, state)
+        count, face_on_a = _clipped_feature(a, b, vertices, pair, pair["merged"] if shared else MERGED_NOT, wide, state)
+        if shared:
+            count = _add_patch(pieces, vertices, pairs, k, touching, count, wide, state)
         count = _keep_four(state["lower"], count)
         if count < 2 and (a["kind"] == CYLINDER or b["kind"] == CYLINDER):
             # a contact in one point moves along the curved surface
@@ -87,7 +102,7 @@ def expand_manifolds(pieces, vertices, pairs, touching, wide, state):
                 row = pair["next_point"] = rows
                 rows += 1
             _write_point(state["lower"][c], face_on_a, pair["point_a"], state, pairs[row])
-    return rows
+    return without_merged(pairs, touching, rows) if grouped else rows
 
 
 @kernel
@@ -113,15 +128,55 @@ def is_polyhedral(piece_a, piece_b):
 
 
 @kernel
-def has_faces(piece):
-    """Whether a piece has flat faces."""
-    return piece["kind"] == BOX or piece["kind"] == HULL or piece["kind"] == CYLINDER
+def _add_patch(pieces, vertices, pairs, k, touching, count, wide, state):
+    """Add to the manifold of row k in `state["lower"]` the points of the other pairs of its patch.
+
+    Where every corner of the feature of the piece that they share is among the points, those corners are the
+    manifold. Keeps the plane of row k in `state["tangent"]`; returns the number of points.
+    """
+    pair, patch, own, plane = pairs[k], state["patch"], state["lower"], state["tangent"]
+    p, q, r = plane[0], plane[1], plane[2]
+    total = _append(own, count, patch, 0)
+    for j in range(k + 1, touching):
+        if pairs[j]["patch"] == k:
+            # in the frame of row k
+            copy_vector(pair["normal"], pairs[j]["normal"])
+            copy_vector(pair["point_a"], pairs[j]["point_a"])
+            a, b = pieces[pairs[j]["piece_a"]], pieces[pairs[j]["piece_b"]]
+            count, _ = _clipped_feature(a, b, vertices, pairs[j], pair["merged"], wide, state)
+            total = _append(own, count, patch, total)
+    plane[0], plane[1], plane[2] = p, q, r
+    height = DENSE_HEIGHT if wide else MANIFOLD_HEIGHT
+    on_b = pair["merged"] == MERGED_A
+    piece = pieces[pair["piece_b"] if on_b else pair["piece_a"]]
+    corners = state["upper"]
+    count = _feature_of(piece, vertices, -1.0 if on_b else 1.0, pair["point_a"], state, height, corners)
+    count = _order(corners, count)
+    for c in range(count):
+        x, y, found = corners[c, 0], corners[c, 1], -1
+        for j in range(total):
+            if (patch[j, 0] - x) ** 2 + (patch[j, 1] - y) ** 2 <= RIM_SLACK * RIM_SLACK:
+                found = j
+        if found < 0:
+            return _append(patch, min(total, len(own)), own, 0)
+        _add(own, c, patch[found, 0], patch[found, 1], patch[found, 2])
+    return count
 
 
 @kernel
-def _clipped_feature(piece_a, piece_b, vertices, pair, wide, state):
+def _append(points, count, out_points, total):
+    """Copy points behind the first `total` of others, as far as there is room; returns their number."""
+    for c in range(min(count, len(out_points) - total)):
+        total = _add(out_points, total, points[c, 0], points[c, 1], points[c, 2])
+    return total
+
+
+@kernel
+def _clipped_feature(piece_a, piece_b, vertices, pair, merged, wide, state):
     """Clip the incident feature (face, edge or corner) of one piece by the reference face of the other.
 
+    Args:
+        merged: body whose face is the reference face, if it touches with one (MERGED_*).
     Returns:
         (count, face_on_a): number of points (x, y, gap) in `state["lower"]`, 0 if neither feature is a face,
         and whether the reference face is A's; its plane is in `state["tangent"]`.
@@ -143,6 +198,8 @@ def _clipped_feature(piece_a, piece_b, vertices, pair, wide, state):
             _write_edge(upper, state["mobility"], pair["edge_b"])
         return 0, False
     face_on_a = _is_reference(area_a, area_b, pair["normal"])
+    if merged != MERGED_NOT and area_a > 0 and area_b > 0:
+        face_on_a = merged == MERGED_A
     pair["flat_a"], pair["flat_b"] = (2, 0) if face_on_a else (0, 2)
     cap_a = _cap_of(piece_a, 1.0, pair["point_a"], state["mobility"], height)
     cap_b = _cap_of(piece_b, -1.0, pair["point_a"], state["mobility"], height)

@@ -161,6 +161,7 @@ def translate(scenario: Scenario) -> World:
     world.state["random"] = scenario.seed % (conventions.RANDOM_PRIME - 1) + 1
     world.state["self_collision"] = "self_collision" in scenario.effects
     world.state["mechanisms"], world.state["driven_count"] = len(drivers) > driven[0], driven[0]
+    world.state["compound"] = bodies["piece_count"].max(initial=0) > 1
     others = world.bodies["kind"] != conventions.DRIVEN
     world.state["moving_surfaces"] = any(map(surface_moves, scenario.bodies))
     world.state["least_width"] = world.bodies["width"][others].min(initial=np.inf)
@@ -217,6 +218,8 @@ def _bodies(scenario: Scenario, pieces: np.ndarray) -> np.ndarray:
         row["rotation"] = matrix(body.orientation)
         row["center"] = row["position"] + row["rotation"] @ row["center_of_mass"]
         row["velocity"], row["omega"] = body.linear_velocity, body.angular_velocity
+    bodies["piece_count"] = [len(body.pieces) for body in scenario.bodies]
+    bodies["first_piece"] = np.cumsum(bodies["piece_count"]) - bodies["piece_count"]
     bodies["width"] = np.inf
     np.minimum.at(bodies["width"], pieces["body"], pieces["width"])
     offset = np.linalg.norm(pieces["position"] - bodies["center_of_mass"][pieces["body"]], axis=1)
