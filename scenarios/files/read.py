@@ -6,7 +6,7 @@ import json
 import re
 import tomllib
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import is_dataclass
+from dataclasses import asdict, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
@@ -21,6 +21,7 @@ from touchstone.scenarios.files.schema import KEYFRAMES, SHAPE_TYPES, Fault, che
 from touchstone.scenarios.files.text_lines import Path as Place
 from touchstone.scenarios.files.text_lines import json_lines, line_of, toml_lines
 from touchstone.scenarios.files.tracker_file import TrackerFileError, keyframes
+from touchstone.scenarios.height_field import HeightField
 from touchstone.scenarios.scenario import ORIGIN, UNMOVED, Piece, Scenario, ScenarioError, Shape
 
 NAME = re.compile(r"\w[\w .,+=-]{0,99}")
@@ -121,6 +122,7 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
             faults.append((("name",), text))
         own: list[Fault] = []
         for i, body in enumerate(data["bodies"]):
+            own += _shaped(body, ("bodies", i))
             own += _weighed(body, ("bodies", i))
         for i, tracker in enumerate(data.get("trackers", ())):
             own += _tracked(tracker, ("trackers", i), path.parent, allow_paths)
@@ -146,6 +148,23 @@ def _misspelt(place: Place, unknown: Collection[Place], data: Any) -> bool:
     for key in place[:-1]:
         data = data[key]
     return place[-1] not in data
+
+
+def _shaped(body: dict[str, Any], place: Place) -> list[Fault]:
+    """Give a body the pieces of its height field; returns the faults."""
+    if "height_field" not in body:
+        missing = "pieces" not in body
+        body.setdefault("pieces", ())
+        return [((*place, "pieces"), "missing")] if missing else []
+    field = built(HeightField, body.pop("height_field"))
+    where = (*place, "height_field")
+    faults: list[Fault] = [((*where, *placed(name)), text) for name, text in field.faults()]
+    if body["kind"] not in UNMOVED:
+        faults.append((where, f"found on a {body['kind']} body, expected a fixed or prescribed one"))
+    if body.get("pieces"):
+        faults.append((where, "found with pieces: expected one or the other"))
+    body["pieces"] = () if faults else [asdict(piece) for piece in field.pieces()]
+    return faults
 
 
 def _weighed(body: dict[str, Any], place: Place) -> list[Fault]:

@@ -16,7 +16,8 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Strict, Tag, Validati
 from pydantic import Field as ModelField
 
 from touchstone.scenarios.files.text_lines import Path
-from touchstone.scenarios.scenario import Scenario, Shape, Tracker
+from touchstone.scenarios.height_field import HeightField
+from touchstone.scenarios.scenario import Body, Scenario, Shape, Tracker
 
 SHAPE_TYPES: dict[str, type] = {kind.__name__.lower(): kind for kind in get_args(Shape)}
 """Names of the shapes in files."""
@@ -24,10 +25,12 @@ KEYFRAMES = ("times", "positions", "orientations", "angles")
 """Fields of a tracker that its `file` may hold."""
 OPTIONAL: dict[type, dict[str, Any]] = {
     Scenario: {"name": "", "summary": "", "tags": ()},
+    Body: {"pieces": ()},
     Tracker: {"joints": (), **dict.fromkeys(KEYFRAMES, ())},
 }
 """Fields that a file may omit although the dataclass requires them."""
 ADDED: dict[type, dict[str, tuple[Any, Any]]] = {
+    Body: {"height_field": (HeightField, ModelField(None, description="terrain, in place of pieces"))},
     Tracker: {"file": (str, ModelField("", description="CSV or NPZ file with the keyframes"))},
 }
 """Fields of files that the dataclass does not have."""
@@ -45,7 +48,7 @@ def model_of(kind: type) -> type[BaseModel]:
     name = next((name for name, shape in SHAPE_TYPES.items() if shape is kind), "")
     if name:
         given["type"] = (Literal[name], name)
-    given |= ADDED.get(kind, {})
+    given |= {name: (_translated(hint), field) for name, (hint, field) in ADDED.get(kind, {}).items()}
     config = ConfigDict(extra="forbid", allow_inf_nan=True)
     model: type[BaseModel] = create_model(kind.__name__, __config__=config, __doc__=kind.__doc__, **given)
     return model

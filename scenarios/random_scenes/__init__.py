@@ -38,6 +38,8 @@ FAST_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"shot": fast.shots, "s
 """Kinds that are used on request only: they need continuous collision detection."""
 ROUND_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"cylinder": piles.cylinders}
 """Kinds with cylinders, that are used on request only: a seed of KINDS stays what it is."""
+TERRAIN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"terrain": piles.terrain}
+"""Kinds on height fields, that are used on request only."""
 DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "grip": driven.grips,
     "drag": driven.drags,
@@ -48,7 +50,7 @@ DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "person": driven.persons,
 }
 """Kinds with drivers of all masses and stiffnesses, that are used on request only."""
-ALL_KINDS = {**KINDS, **FAST_KINDS, **ROUND_KINDS, **DRIVEN_KINDS}
+ALL_KINDS = {**KINDS, **FAST_KINDS, **ROUND_KINDS, **TERRAIN_KINDS, **DRIVEN_KINDS}
 FRAME_RATE = 60
 FRAMES = (42, 73)
 """Range of the number of frames: 0.7 to 1.2 s, in which drops of a few centimetres land and settle."""

@@ -33,6 +33,7 @@ from touchstone.scenarios.random_scenes.setup import (
     random_gap,
     random_size,
 )
+from touchstone.scenarios.height_field import HeightField
 from touchstone.scenarios.scenario import IDENTITY, Body, Vector, vector
 from touchstone.scenarios.solids import block, slab
 
@@ -146,6 +147,29 @@ def cylinders(rng: Generator) -> Setup:
         bodies.append(solid(name, shape, loads[k], vector(place), turn, vector(velocity), vector(spin)))
     does = "fall" if falls else "stand, lie, lean and roll"
     return Setup(f"{count} bodies with cylinders {does}", [slab("floor", MATERIAL), *bodies])
+
+
+def terrain(rng: Generator) -> Setup:
+    """Bodies of all shapes that fall, spin and roll on a field of triangles, level or with hills."""
+    count, reach = int(rng.integers(2, 10)), random_size(rng)
+    places = scattered(rng, count, reach, int(rng.integers(1, 4)), random_gap(rng))
+    kinds = SHAPES if rng.random() < 0.7 else [str(rng.choice(SHAPES))]
+    loads = masses(rng, count, mass_ratio(rng))
+    spacing = float(rng.uniform(1.0, 4.0)) * reach
+    points = int(2 * (float(np.abs(places[:, :2]).max()) + 0.5) / spacing) + 2
+    hills = float(rng.choice([0.0, rng.uniform(0.0, 0.5)])) * spacing
+    heights = tuple(tuple(map(float, row)) for row in -hills * rng.uniform(size=(points, points)))
+    field = HeightField(heights, (spacing, spacing), -hills - 0.2)
+    bodies = [Body("field", "fixed", MATERIAL, field.pieces())]
+    for k, place in enumerate(places):
+        shape, turn = random_shape(rng, reach, kinds), random_orientation(rng)
+        velocity, spin = np.zeros(3), np.zeros(3)
+        if rng.random() < 0.5:
+            velocity = rng.uniform(-1.0, 1.0, 3) * (1.0, 1.0, 0.0)
+            spin = float(rng.uniform(0, SPIN)) * random_direction(rng)
+        name = f"body_{k + 1}"
+        bodies.append(solid(name, shape, loads[k], vector(place), turn, vector(velocity), vector(spin)))
+    return Setup(f"{count} bodies fall on a field with hills of {hills:.3g} m", bodies)
 
 
 def sliding(rng: Generator) -> Setup:

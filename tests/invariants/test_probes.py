@@ -40,12 +40,13 @@ ENDED = {one.key[:3] for one in known().values() if one.metric == "run"}
 """(engine, profile, scene) of runs that end before their scene does: known failings of the metric `run`."""
 
 HEAVY = {
-    ("dart", FIRST["dart"]): ("",),
-    ("bullet", FIRST["bullet"]): ("",),
+    ("dart", FIRST["dart"]): ("tower_40", "pyramid", "brick_wall", "arch_thin", "tower_20_jittered"),
     ("reference", "paper"): ("tower_", "arch_", "pyramid", "brick_wall", "dominoes"),
 }
-"""Beginnings of the names of scenes that slow tests play: all of engines that `make test-engines` plays, and those
-that take 5 to 30 s each, of which lighter ones remain."""
+"""Beginnings of the names of scenes that take 5 to 30 s each: slow tests play them. Lighter scenes of these
+kinds remain."""
+SLOW = ("bullet", "dart")
+"""Engines whose probes slow tests play."""
 
 
 def judged_scenes(engine: str, profile: str) -> list:
@@ -54,7 +55,7 @@ def judged_scenes(engine: str, profile: str) -> list:
     found = []
     for scene in PROBES:
         marks = [ends] if (engine, profile, scene) in ENDED else []
-        if scene.startswith(HEAVY.get((engine, profile), ())):
+        if engine in SLOW or scene.startswith(HEAVY.get((engine, profile), ())):
             marks.append(pytest.mark.slow)
         found.append(pytest.param(engine, profile, scene, marks=marks))
     return found
@@ -132,7 +133,9 @@ def test_every_metric_leaves_a_judged_row(rows, engine, profile, scene):
     assert verdicts <= {"pass", "known", "fail"}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    "engine", [pytest.param(one, marks=pytest.mark.slow) if one in SLOW else one for one in ENGINES]
+)
 def test_every_law_is_measured_somewhere(rows, engine):
     """No law is skipped in all probes, nor known to be broken wherever it applies."""
     heavy = HEAVY.get((engine, FIRST[engine]), ())

@@ -32,7 +32,7 @@ def rows_of(lab: SimpleNamespace, *bodies: Body, capacity: int = 8) -> np.ndarra
     world = lab.build(lab.scene(*bodies))
     pairs = world.pairs[:capacity]
     touching, _ = detect(world.of_stages()._replace(pairs=pairs), SIMULATED, 0)
-    end = expand_manifolds(world.pieces, world.vertices, pairs, touching, False, world.state[0])
+    end = expand_manifolds(world.bodies, world.pieces, world.vertices, pairs, touching, False, world.state[0])
     return pairs[:end].copy()
 
 
