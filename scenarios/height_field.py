@@ -1,7 +1,7 @@
 """Height fields: terrain as columns of triangles, each a convex piece.
 
-The surface is the triangles of a grid, and what is below them down to `bottom` is solid, as in the height fields
-of MuJoCo: every engine plays it as convex pieces.
+The surface is the triangles of a grid, and what is below them down to `bottom` is solid, as in the height
+fields of MuJoCo: every engine plays it as convex pieces.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ MOST_CELLS = 4096
 
 @dataclass(frozen=True, slots=True)
 class HeightField:
-    """Terrain about its body's origin: `heights` [m] are rows along x of points along y, `spacing` [m] apart, and
-    the solid ends at the height `bottom` [m]. Cells are split from (i, j) to (i + 1, j + 1)."""
+    """Terrain about its body's origin: `heights` [m] are rows along x of points along y, `spacing` [m] apart,
+    and the solid ends at the height `bottom` [m]. Cells are split from (i, j) to (i + 1, j + 1)."""
 
     heights: tuple[tuple[float, ...], ...]
     spacing: tuple[float, float]
@@ -29,9 +29,13 @@ class HeightField:
         """Fields that are wrong, and what is expected of them."""
         widths = {len(row) for row in self.heights}
         if len(self.heights) < 2 or len(widths) > 1 or min(widths) < 2:
-            yield "heights", f"found rows of {sorted(widths)} points, expected two or more of two or more, all as long"
+            found = f"{len(self.heights)} row{'s' * (len(self.heights) != 1)} of {sorted(widths)} points"
+            yield "heights", f"found {found}, expected two or more of two or more, all as long"
         elif (len(self.heights) - 1) * (min(widths) - 1) > MOST_CELLS:
-            yield "heights", f"found {len(self.heights)} x {min(widths)} points, expected at most {MOST_CELLS} cells"
+            yield (
+                "heights",
+                f"found {len(self.heights)} x {min(widths)} points, expected at most {MOST_CELLS} cells",
+            )
         for i, row in enumerate(self.heights):
             for j, height in enumerate(row):
                 if not isfinite(height):

@@ -259,8 +259,12 @@ def is_marked(bodies, pieces, pairs, pair):
         k = pieces[pair["piece_b"] if side else pair["piece_a"]]["marked"]
         while k >= 0:
             row = pairs[k]
-            if row["piece_a"] == pair["piece_a"] or (row["merged"] == MERGED_A and row["body_a"] == pair["body_a"]):
-                if row["piece_b"] == pair["piece_b"] or (row["merged"] == MERGED_B and row["body_b"] == pair["body_b"]):
+            if row["piece_a"] == pair["piece_a"] or (
+                row["merged"] == MERGED_A and row["body_a"] == pair["body_a"]
+            ):
+                if row["piece_b"] == pair["piece_b"] or (
+                    row["merged"] == MERGED_B and row["body_b"] == pair["body_b"]
+                ):
                     return True
             k = row["next_marked"]
     return False

@@ -132,7 +132,7 @@ def _drop_impacts_ahead(bodies, pairs, count, state, v_rest):
     kept, ahead = 0, state["impact_gap"] * (1 + 2 * IMPACT_SHARE)
     for k in range(count):
         n, fast = pairs[k]["normal"], max(v_rest, APPROACH_MIN)
-        if pairs[k]["distance"] > ahead and witness_approach(bodies, pairs[k], n, 1.0, state) > fast:
+        if pairs[k]["distance"] > ahead and witness_approach(bodies, pairs[k], n, state) > fast:
             continue
         if k != kept:
             pairs[kept] = pairs[k]
@@ -269,4 +269,4 @@ def _measure(bodies, pieces, vertices, pair, state):
     _, converged = convex_depth(pieces[pair["piece_a"]], pieces[pair["piece_b"]], vertices, state, pair)
     if not converged:
         state["counters"][COUNT_UNCONVERGED] += 1
-    pair["key"] = witness_approach(bodies, pair, pair["normal"], 1.0, state)
+    pair["key"] = witness_approach(bodies, pair, pair["normal"], state)

@@ -83,7 +83,9 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
             rows += _write_sides(a, b, pairs, k, rows)
             continue
         pair["manifold"] = k
-        count, face_on_a = _clipped_feature(a, b, vertices, pair, pair["merged"] if shared else MERGED_NOT, wide, state)
+        count, face_on_a = _clipped_feature(
+            a, b, vertices, pair, pair["merged"] if shared else MERGED_NOT, wide, state
+        )
         if shared:
             count = _add_patch(pieces, vertices, pairs, k, touching, count, wide, state)
         count = _keep_four(state["lower"], count)

@@ -1,7 +1,7 @@
 """Patches: contacts of one piece with several pieces of a body in one plane, which share a manifold.
 
-A floor of tiles or triangles then touches what stands on it as a floor of one piece does: in the corners of the
-body's own face, not in every point where that face crosses a seam.
+A floor of tiles or triangles then touches what stands on it as a floor of one piece does: in the corners of
+the body's own face, not in every point where that face crosses a seam.
 """
 
 from touchstone.reference_impl.core.conventions import (

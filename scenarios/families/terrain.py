@@ -11,7 +11,16 @@ from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.families.roll import rolling
 from touchstone.scenarios.families.slide import HEADINGS, sliding
 from touchstone.scenarios.height_field import HeightField
-from touchstone.scenarios.scenario import GRAVITY, Arc, Body, PairCoefficients, Scenario, Truth, Vector, vector
+from touchstone.scenarios.scenario import (
+    GRAVITY,
+    Arc,
+    Body,
+    PairCoefficients,
+    Scenario,
+    Truth,
+    Vector,
+    vector,
+)
 from touchstone.scenarios.solids import ball
 
 SPACING = (0.37, 0.29)
@@ -70,4 +79,3 @@ def field_slope() -> Scenario:
         duration=1.4,
         truths=(Truth("ball", "arcs", (down,)),),
     )
-

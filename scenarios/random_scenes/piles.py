@@ -7,6 +7,7 @@ from math import atan2, cos, pi, sin
 import numpy as np
 from numpy.random import Generator
 
+from touchstone.scenarios.height_field import HeightField
 from touchstone.scenarios.random_scenes.bodies import (
     FLAT,
     MATERIAL,
@@ -33,7 +34,6 @@ from touchstone.scenarios.random_scenes.setup import (
     random_gap,
     random_size,
 )
-from touchstone.scenarios.height_field import HeightField
 from touchstone.scenarios.scenario import IDENTITY, Body, Vector, vector
 from touchstone.scenarios.solids import block, slab
 

@@ -291,7 +291,9 @@ def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path):
     ]
 
 
-@pytest.mark.parametrize(("compiles", "status"), [("builtins:str", "done"), pytest.param("", "error", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("compiles", "status"), [("builtins:str", "done"), pytest.param("", "error", marks=pytest.mark.slow)]
+)
 def test_compilation_has_a_patience_of_its_own(scenario, tmp_path, monkeypatch, compiles, status):
     """Wait longer for commands that may compile, for engines that do; not for any other engine."""
     from fake_engines import load as fakes

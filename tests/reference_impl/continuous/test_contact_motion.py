@@ -135,7 +135,9 @@ def moving_pair(lab: SimpleNamespace, case: str, seed: int):
 def row_of(world):
     """The only row of the pair, with its contact point."""
     touching, _ = detect(world.of_stages(), SIMULATED, 0)
-    end = expand_manifolds(world.bodies, world.pieces, world.vertices, world.pairs, touching, False, world.state[0])
+    end = expand_manifolds(
+        world.bodies, world.pieces, world.vertices, world.pairs, touching, False, world.state[0]
+    )
     assert (touching, end) == (1, 1)
     pair = world.pairs[0]
     place_contact(pair, pair["level"])

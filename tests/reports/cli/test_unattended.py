@@ -107,7 +107,14 @@ def test_output_is_utf8_in_any_locale(locale):
     assert (done.returncode, done.stdout.decode(), done.stderr) == (0, "\u2717 \u03bc\n", b"")
 
 
-@pytest.mark.parametrize("closed", [pytest.param(">&-", marks=pytest.mark.slow), pytest.param(">&- 2>&-", marks=pytest.mark.slow), "2>/dev/full"])
+@pytest.mark.parametrize(
+    "closed",
+    [
+        pytest.param(">&-", marks=pytest.mark.slow),
+        pytest.param(">&- 2>&-", marks=pytest.mark.slow),
+        "2>/dev/full",
+    ],
+)
 def test_closed_or_full_streams_are_no_traceback(closed, tmp_path):
     """A closed standard output or error, or a full one, changes neither the files nor the exit code."""
     line = f'"{sys.executable}" -c "{CALL}" list engines > "{tmp_path}/out" {closed}'

@@ -273,3 +273,57 @@ orientations = [[1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
     twice, coupled = str(caught.value).splitlines()
     assert "deck.toml:12: trackers[0].times[2]: 'deck' has two poses at 1 s" in twice
     assert "deck.toml:15: trackers[0].stiffness: found 500.0, but 'deck' is prescribed" in coupled
+
+
+FIELD = """
+[[bodies]]
+name = "ground"
+kind = "fixed"
+material = "wood"
+height_field = { heights = [[0.0, 0.1], [0.0, 0.2]], spacing = [0.5, 0.5], bottom = -1.0 }
+"""
+
+
+def test_a_height_field_gives_a_body_its_pieces(scene):
+    """Two columns per cell, in place of pieces."""
+    found = scene(SOUND + FIELD)
+    assert [piece.name for piece in found.bodies[1].pieces] == ["cell_0_0_a", "cell_0_0_b"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "0.0, 0.1",
+            "0.0, nan",
+            "drop.toml:16: bodies[1].height_field.heights[0][1]: found nan, expected a finite",
+        ),
+        ("[0.0, 0.2]]", "[0.0]]", "drop.toml:16: bodies[1].height_field.heights: found 2 rows of [1, 2] po"),
+        (", [0.0, 0.2]]", "]", "drop.toml:16: bodies[1].height_field.heights: found 1 row"),
+        (
+            "0.5, 0.5",
+            "0.5, -1.0",
+            "drop.toml:16: bodies[1].height_field.spacing[1]: found -1.0, expected a positive",
+        ),
+        (
+            "-1.0",
+            "0.0",
+            "drop.toml:16: bodies[1].height_field.bottom: found 0.0, expected less than the lowest",
+        ),
+        (
+            'kind = "fixed"',
+            'kind = "simulated"\nmass = 1.0',
+            "drop.toml:17: bodies[1].height_field: found on a simul",
+        ),
+        (
+            "height_field",
+            'pieces = [{ name = "p", shape = { radius = 1.0 } }]\nheight_field',
+            "drop.toml:17: bodies[1].height_field: found with pieces: expected one or the other",
+        ),
+        (FIELD.split("\n")[-2], "", "drop.toml:12: bodies[1].pieces: missing"),
+    ],
+)
+def test_a_wrong_height_field_is_one_line(scene, old, new, expected):
+    """Each fault names its file, its line and what is expected."""
+    (fault,) = scene(SOUND + FIELD.replace(old, new))
+    assert fault.startswith(expected)

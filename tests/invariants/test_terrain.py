@@ -1,0 +1,189 @@
+"""Triangles in one plane: what moves over them moves as over the plane, turned as a whole in any way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, sin
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import load
+from touchstone.scenarios.families.ellipsoid import quaternion
+from touchstone.scenarios.height_field import HeightField
+from touchstone.scenarios.random_scenes import random_scene
+from touchstone.scenarios.scenario import (
+    GRAVITY,
+    Body,
+    Hull,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    vector,
+)
+from touchstone.scenarios.solids import ball, block, capsule, cylinder, slab
+
+LYING = (2**-0.5, 2**-0.5, 0.0, 0.0)
+MOVING = {
+    "ball rolls": ball("body", "wood", 0.1, 1.0, (-0.8, 0.03, 0.1), (1.0, 0.2, 0.0), (-2.0, 10.0, 0.0)),
+    "ball slides": ball("body", "wood", 0.1, 1.0, (-0.8, 0.03, 0.1), (1.5, 0.2, 0.0), (0.0, 0.0, 20.0)),
+    "box slides": block(
+        "body",
+        "wood",
+        (0.1, 0.07, 0.05),
+        1.0,
+        (-0.8, 0.1, 0.05),
+        velocity=(2.0, 0.3, 0.0),
+        spin=(0.0, 0.0, 3.0),
+    ),
+    "capsule rolls": capsule(
+        "body",
+        "wood",
+        0.05,
+        0.1,
+        1.0,
+        (-0.8, 0.0, 0.05),
+        LYING,
+        velocity=(1.0, 0.2, 0.0),
+        spin=(0.0, 20.0, 3.0),
+    ),
+    "cylinder rolls": cylinder(
+        "body",
+        "wood",
+        0.05,
+        0.1,
+        1.0,
+        (-0.8, 0.0, 0.05),
+        LYING,
+        velocity=(1.0, 0.0, 0.0),
+        spin=(0.0, 20.0, 0.0),
+    ),
+}
+"""Bodies on the plane z = 0."""
+SEEDS = range(3)
+
+
+def triangles(rng: np.random.Generator) -> Body:
+    """A fixed body of triangular columns with a level top, of all sizes and angles."""
+    side = np.linspace(-2.0, 2.0, int(rng.integers(5, 14)))
+    x, y = np.meshgrid(side, side, indexing="ij")
+    step = side[1] - side[0]
+    for grid in (x, y):
+        grid[1:-1, 1:-1] += rng.uniform(-0.3, 0.3, grid[1:-1, 1:-1].shape) * step
+    pieces = []
+    for i, j in np.ndindex(len(side) - 1, len(side) - 1):
+        corners = [(x[k, m], y[k, m]) for k, m in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))]
+        for side_of, chosen in (("a", (0, 1, 2)), ("b", (0, 2, 3))):
+            columns = tuple(vector((*corners[k], z)) for k in chosen for z in (0.0, -0.3))
+            pieces.append(Piece(f"tile_{i}_{j}_{side_of}", Hull(columns)))
+    return Body("floor", "fixed", "wood", tuple(pieces))
+
+
+def end_of(floor: Body, body: Body, turn: Rotation) -> np.ndarray:
+    """Positions of a body over a floor, all turned, with gravity; turned back."""
+
+    def turned(one: Body) -> Body:
+        own = Rotation.from_quat(one.orientation, scalar_first=True)
+        return replace(
+            one,
+            position=vector(turn.apply(one.position)),
+            orientation=quaternion(turn * own),
+            linear_velocity=vector(turn.apply(one.linear_velocity)),
+            angular_velocity=vector(turn.apply(one.angular_velocity)),
+        )
+
+    scene = Scenario(
+        name="test",
+        summary="a test",
+        tags=(),
+        bodies=(turned(floor), turned(body)),
+        duration=1.2,
+        coefficients=(PairCoefficients("wood", "wood", 0.3, 0.5),),
+        gravity=vector(turn.apply((0.0, 0.0, -GRAVITY))),
+    )
+    recording = record(load("reference"), scene, Settings("balanced", 1 / 60))
+    return turn.inv().apply(recording.position[:, 1])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", MOVING)
+def test_triangles_in_a_plane_are_the_plane(name: str, seed: int) -> None:
+    """Positions are those over a slab to a nanometre: no seam stops, lifts or turns a body."""
+    rng = np.random.default_rng(seed)
+    floor = triangles(rng)
+    turn = Rotation.identity() if seed == 0 else Rotation.random(random_state=seed)
+    expected = end_of(slab("floor", "wood"), MOVING[name], Rotation.identity())
+    assert np.abs(end_of(floor, MOVING[name], turn) - expected).max() < 1e-9
+
+
+RAMP, LENGTH, STANDING = 0.15, 2.0, (-0.5, 0.1, 0.1)
+"""Angle [rad] and length [m] of a ramp whose foot is at x = 0, and the start of what slides to it [m]."""
+CLIMBING = {
+    "box": block("body", "wood", (0.1, 0.07, 0.1), 1.0, STANDING, velocity=(2.0, 0.0, 0.0)),
+    "turned box": block(
+        "body",
+        "wood",
+        (0.1, 0.07, 0.1),
+        1.0,
+        STANDING,
+        (cos(0.2), 0.0, 0.0, sin(0.2)),
+        velocity=(2.0, 0.0, 0.0),
+    ),
+    "cylinder": cylinder("body", "wood", 0.07, 0.1, 1.0, STANDING, velocity=(2.0, 0.0, 0.0)),
+}
+
+
+def ramp(kind: str) -> Body:
+    """A ramp on the plane z = 0, as a wedge or as a tilted box."""
+    s, c, thick = sin(RAMP), cos(RAMP), 0.2
+    if kind == "wedge":
+        section = ((0.0, 0.0), (LENGTH * c, 0.0), (LENGTH * c, LENGTH * s))
+        corners = tuple((x, y, z) for x, z in section for y in (-1.0, 1.0))
+        return Body("ramp", "fixed", "wood", (Piece("ramp", Hull(corners)),))
+    middle = (LENGTH / 2 * c + thick * s, 0.0, LENGTH / 2 * s - thick * c)
+    turn = (cos(RAMP / 2), 0.0, -sin(RAMP / 2), 0.0)
+    return block("ramp", "wood", (LENGTH / 2, 1.0, thick), 0.0, middle, turn, kind="fixed")
+
+
+@pytest.mark.parametrize("kind", ["wedge", "box"])
+@pytest.mark.parametrize("name", CLIMBING)
+def test_what_slides_to_a_ramp_climbs_it(name: str, kind: str) -> None:
+    """Without friction and restitution, the impacts at the foot take at most twice the energy that a point
+    loses there, whose velocity along the ramp's normal ends."""
+    scene = Scenario(
+        name="test",
+        summary="a test",
+        tags=(),
+        bodies=(slab("floor", "wood"), ramp(kind), CLIMBING[name]),
+        duration=0.6,
+        coefficients=(PairCoefficients("wood", "wood", 0.0, 0.0),),
+    )
+    recording = record(load("reference"), scene, Settings("balanced", 1 / 60))
+    v, height = recording.linear_velocity[-1, 2], recording.position[-1, 2, 2] - STANDING[2]
+    lost = 2.0**2 / 2 - (v @ v / 2 + GRAVITY * height)
+    assert height > 0.05
+    assert 0 < lost < 2.0**2 * sin(RAMP) ** 2
+
+
+def test_the_solid_of_a_field_is_below_its_heights() -> None:
+    """Columns fill the field: their volumes add up to the mean height of each triangle times its area."""
+    from scipy.spatial import ConvexHull
+
+    rng = np.random.default_rng(1)
+    heights = rng.uniform(-0.2, 0.4, (4, 5))
+    field = HeightField(tuple(map(tuple, heights.tolist())), (0.3, 0.2), -1.0)
+    volume = sum(ConvexHull(piece.shape.vertices).volume for piece in field.pieces())
+    means = (
+        (2 * heights[:-1, :-1] + 2 * heights[1:, 1:] + heights[1:, :-1] + heights[:-1, 1:]) / 6 + 1.0
+    ) * 0.06
+    assert volume == pytest.approx(means.sum(), rel=1e-12)
+    assert len(field.pieces()) == 2 * 3 * 4
+
+
+def test_what_falls_on_terrain_is_random_too() -> None:
+    """The kind is drawn on request, over level and hilly fields."""
+    levels = {"hills of 0 m" in random_scene(seed, "terrain").summary for seed in range(12)}
+    assert levels == {True, False}
