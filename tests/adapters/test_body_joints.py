@@ -14,7 +14,7 @@ from touchstone.adapters.scripts.process import written
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 
-ENGINES = [name for name in ("mujoco", "dart") if installed(name)]
+ENGINES = [name for name in ("mujoco", "dart", "bullet") if installed(name)]
 SMOOTH = ("double_pendulum", "spherical_pendulum", "slider_spring", "hinged_pair")
 
 
@@ -65,10 +65,8 @@ def test_what_closes_no_loop_is_named(engine: str) -> None:
 
 def test_an_engine_without_joints_refuses_them() -> None:
     """The recorder says so before anything is built."""
-    if not installed("bullet"):
-        pytest.skip("bullet is not installed")
-    with pytest.raises(Unsupported, match="bullet: the adapter has no joints between bodies"):
-        record(load("bullet"), catalogue()["four_bar"], Settings("recommended", 1 / 240))
+    with pytest.raises(Unsupported, match="rapier: the adapter has no joints between bodies"):
+        record(load("rapier"), catalogue()["four_bar"], Settings("recommended", 1 / 240))
 
 
 def test_no_script_is_written_of_joints() -> None:
