@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from touchstone.adapters.contract import Settings, Unsupported
-from touchstone.adapters.recorder import record
+from touchstone.adapters.recorder import build, record
 from touchstone.adapters.registry import installed, load
 from touchstone.adapters.scripts.process import written
 from touchstone.scenarios.catalogue import catalogue
@@ -65,8 +66,8 @@ def test_what_closes_no_loop_is_named(engine: str) -> None:
 
 def test_an_engine_without_joints_refuses_them() -> None:
     """The recorder says so before anything is built."""
-    with pytest.raises(Unsupported, match="rapier: the adapter has no joints between bodies"):
-        record(load("rapier"), catalogue()["four_bar"], Settings("recommended", 1 / 240))
+    with pytest.raises(Unsupported, match="toy: the adapter has no joints between bodies"):
+        build(SimpleNamespace(name="toy"), catalogue()["four_bar"], Settings("recommended", 1 / 240))
 
 
 def test_no_script_is_written_of_joints() -> None:
