@@ -192,7 +192,6 @@ class Bodies:
     ) -> int:
         """Create a body of one shape in maximal coordinates; Bullet computes its inertia from the shape."""
         (body,) = bodies
-        given = self._scenario.bodies[body]
         (shape,) = self._add_shapes(body)
         number = pybullet.createMultiBody(
             baseMass=self._part(body, shape).linkMasses,

@@ -81,7 +81,7 @@ def _turn(body: Body) -> Rotation:
 
 
 def start(tree: Tree, scenario: Scenario, number: int, on: Mapping[str, int]) -> None:
-    """Set velocities, limits and the dampers of ball joints of a new multibody, without Bullet's own motors."""
+    """Set velocities, limits and the dampers of ball joints of a new multibody, and no force in motors."""
     named = {body.name: body for body in scenario.bodies}
     if len(tree.bodies) > len(tree.joints):
         root = scenario.bodies[tree.bodies[0]]

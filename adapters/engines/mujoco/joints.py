@@ -121,10 +121,9 @@ def _add_loop(spec: Any, scenario: Scenario, joint: BodyJoint, settings: Setting
             turn = _inverse(child.orientation)
             if parent is not None:
                 mujoco.mju_mulQuat(turn, _inverse(child.orientation), np.array(parent.orientation))
-            # anchor in the second body, then its pose in the first
-            made.data[:3] = in_frame(parent, point)
-            origin = np.zeros(3) if parent is None else parent.position
-            made.data[3:6], made.data[6:10], made.data[10] = in_frame(child, origin), turn, 1.0
+            # the anchor in the second body and in the first, and the turn of the second in the first
+            made.data[:3], made.data[3:6] = in_frame(parent, point), in_frame(child, point)
+            made.data[6:10], made.data[10] = turn, 1.0
 
 
 def start_rates(scenario: Scenario, model: Any, qvel: Array) -> None:
