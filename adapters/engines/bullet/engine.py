@@ -1,4 +1,4 @@
-"""Bullet through pybullet, in reduced coordinates: every body is a multibody with its own base.
+"""Bullet through pybullet, in reduced coordinates: a body, a driven hand or a mechanism is a multibody.
 
 Under `maximal`, free balls and boxes are rigid bodies.
 

@@ -10,8 +10,8 @@ import pybullet
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
-from touchstone.adapters.engines.bullet.tables import FAR, UNTURNED, Link, Links
-from touchstone.adapters.joined_bodies import closing_points, moved_parent, start_motion
+from touchstone.adapters.engines.bullet.tables import UNTURNED, Link, Links
+from touchstone.adapters.joined_bodies import closing_points, laws, moved_parent, servo, start_motion
 from touchstone.scenarios.body_joints import ALONG_AXIS, is_limited, mechanisms, spanning_trees
 from touchstone.scenarios.scenario import ORIGIN, UNBOUNDED, Body, BodyJoint, Scenario, vector
 
@@ -108,8 +108,7 @@ def start(tree: Tree, scenario: Scenario, number: int, on: Mapping[str, int]) ->
 class Motors:
     """Springs, dampers and motors of a multibody's hinges and sliders, by Bullet's joint motors.
 
-    A motor drives to the rate at which the law's force is 0, by at most the law's force at the start of the
-    step. So it exerts that force, unless this would carry the joint beyond that rate within the step.
+    A motor is the `servo` of its joint.
     """
 
     def __init__(self, tree: Tree, number: int, on: Mapping[str, int]) -> None:
@@ -119,24 +118,19 @@ class Motors:
             for k, one in enumerate(tree.joints)
             if one.type in ALONG_AXIS and (one.stiffness or one.damping)
         ]
-        fields = ("stiffness", "damping", "target", "target_rate", "largest_force")
-        self._law = np.array([[getattr(tree.joints[k], name) for name in fields] for k in self._links]).T
+        self._law = laws([tree.joints[k] for k in self._links])
 
     def push(self) -> None:
         """Command the motors for the next step."""
         if not self._links:
             return
         states = pybullet.getJointStates(self._number, self._links, **self._on)
-        q, rate = np.array([state[:2] for state in states]).T
-        stiffness, damping, target, target_rate, largest = self._law
-        pull = stiffness * (target - q) + damping * target_rate
-        force = np.clip(pull - damping * rate, -largest, largest)
-        balanced = np.divide(pull, damping, out=FAR * np.sign(force), where=damping > 0)
+        rate, force = servo(self._law, *np.array([state[:2] for state in states]).T)
         pybullet.setJointMotorControlArray(
             self._number,
             self._links,
             pybullet.VELOCITY_CONTROL,
-            targetVelocities=balanced.tolist(),
+            targetVelocities=rate.tolist(),
             forces=np.abs(force).tolist(),
             velocityGains=[1.0] * len(self._links),
             **self._on,

@@ -26,8 +26,6 @@ FRICTION_MAX = 10.0
 SPEED_LIMIT = 1e9
 """Unreachable bound on every generalised velocity [m/s, rad/s]: Bullet's default of 100 would remove
 momentum."""
-FAR = 1e9
-"""Target rate of a motor that exerts its largest force whatever the rate [m/s, rad/s]."""
 
 SOLVER: dict[str, int | float] = {
     # pybullet's defaults of what the table of settings lacks, set explicitly; omitting them leaves runs
