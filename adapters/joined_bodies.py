@@ -1,4 +1,4 @@
-"""What adapters of engines share about joints between bodies: parents, start rates, servos, joints of loops."""
+"""What adapters of engines share about joints between bodies: parents, start rates, servos, loops."""
 
 from __future__ import annotations
 
