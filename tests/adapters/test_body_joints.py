@@ -120,7 +120,7 @@ def test_a_motor_drives_its_wheel(engine: str) -> None:
 def test_a_stiff_damper_holds_its_rate(engine: str) -> None:
     """Dampers whose explicit force would carry wheels 33 times beyond their rates keep them at these."""
     scenario = replace(catalogue()["wheel_motor"], duration=0.5, published=())
-    kept = record(load(engine), scenario, Settings("recommended", 1 / 240))
+    kept = record(load(engine), scenario, Settings("default", 1 / 240))
     wheels = [scenario.body_index(joint.child) for joint in scenario.body_joints]
     assert kept.angular_velocity[-1, wheels, 1] == pytest.approx(10.0, abs=0.5)
 
