@@ -13,6 +13,7 @@ from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.recorder import build, record
 from touchstone.adapters.registry import installed, load
 from touchstone.adapters.scripts.process import written
+from touchstone.scenarios.body_joints import reversed_joint
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.families.mechanisms import ACROSS, mechanism, rod
@@ -88,6 +89,17 @@ def test_bodies_keep_their_mass_and_axes(engine: str, first: str, second: str, f
         facts = read_back.bodies[truth.body]
         assert facts.center_of_mass == pytest.approx(scenario.bodies[k].center_of_mass, abs=1e-9)
         assert np.array(facts.inertia) == pytest.approx(np.array(TENSOR), abs=1e-9)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_parent_and_child_may_change_places(engine: str) -> None:
+    """A joint that its tree enters by the child moves its bodies as if it were given the other way round."""
+    scenario = uneven("ball", "hinge", stiffness=3.0, damping=0.2, target=1.0)
+    first, second = scenario.body_joints
+    turned = replace(scenario, body_joints=(first, reversed_joint(second)))
+    settings = Settings("recommended", 1 / 480)
+    one, other = (record(load(engine), scene, settings).position for scene in (scenario, turned))
+    assert other == pytest.approx(one, abs=1e-9)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -44,7 +44,8 @@ def trees(scenario: Scenario) -> list[Tree]:
         Unsupported: a joint with a prescribed body.
     """
     tree = spanning_trees(scenario)[0]
-    return [_tree(scenario, [joint for joint in tree if joint in group]) for group in mechanisms(scenario)]
+    names = [{joint.name for joint in group} for group in mechanisms(scenario)]
+    return [_tree(scenario, [joint for joint in tree if joint.name in own]) for own in names]
 
 
 def _tree(scenario: Scenario, joints: list[BodyJoint]) -> Tree:
@@ -106,10 +107,7 @@ def start(tree: Tree, scenario: Scenario, number: int, on: Mapping[str, int]) ->
 
 
 class Motors:
-    """Springs, dampers and motors of a multibody's hinges and sliders, by Bullet's joint motors.
-
-    A motor is the `servo` of its joint.
-    """
+    """Springs, dampers and motors of a multibody's hinges and sliders, by Bullet's joint motors as `servo`."""
 
     def __init__(self, tree: Tree, number: int, on: Mapping[str, int]) -> None:
         self._number, self._on = number, on

@@ -47,8 +47,8 @@ def contact_gap(context: Context) -> Values:
 
     Covers a simulated body that rests on a fixed body, or moves with a prescribed one; a simulated body that
     a driven one carries or pushes, by the nearest link that presses; and a driven body, by its nearest link,
-    in the frames in which its tracker has a link inside a fixed or driven body. What is carried or pushed, and
-    what joints may hold over its support, counts in the frames before and after which the engine reports
+    in the frames in which its tracker has a link inside a fixed or driven body. What is carried or pushed,
+    and what joints may hold over its support, counts in the frames before and after which the engine reports
     normal impulses of the pair, however far apart they are.
     """
     found: dict[str, float | Value] = {
