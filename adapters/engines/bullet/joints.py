@@ -107,7 +107,7 @@ def start(tree: Tree, scenario: Scenario, number: int, on: Mapping[str, int]) ->
 
 
 class Motors:
-    """Springs, dampers and motors of a multibody's hinges and sliders, by Bullet's joint motors as `servo`."""
+    """Springs, dampers and motors of hinges and sliders: each a joint motor of Bullet as `servo`."""
 
     def __init__(self, tree: Tree, number: int, on: Mapping[str, int]) -> None:
         self._number, self._on = number, on
