@@ -1,12 +1,17 @@
-"""What adapters of engines share about joints between bodies: parents, start rates, and joints of loops."""
+"""What adapters of engines share about joints between bodies: parents, start rates, servos, loops."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from touchstone.adapters.contract import Array, Unsupported
 from touchstone.scenarios.body_joints import is_limited, mass_center
 from touchstone.scenarios.scenario import Body, BodyJoint, Scenario
+
+FAR = 1e9
+"""Rate to which a servo drives a joint whose force is the same at all rates [rad/s, m/s]."""
 
 
 def moved_parent(engine: str, scenario: Scenario, joint: BodyJoint) -> Body | None:
@@ -30,6 +35,27 @@ def start_motion(child: Body, parent: Body | None) -> tuple[Array, Array]:
         speed = speed - parent.linear_velocity - np.cross(parent.angular_velocity, arm)
         turn = turn - parent.angular_velocity
     return turn, speed
+
+
+def servo(law: Array, position: Array, rate: Array) -> tuple[Array, Array]:
+    """Rate at which the force of a joint's law is 0 [rad/s, m/s], and the force at present [N m, N].
+
+    A servo that drives to that rate by at most that force exerts it, unless this would carry the joint beyond
+    the rate within a step: stiff dampers do not overshoot.
+
+    Args:
+        law: joints (5, j) in the columns; rows as in `laws`.
+    """
+    stiffness, damping, target, target_rate, largest = law
+    pull = stiffness * (target - position) + damping * target_rate
+    force = np.clip(pull - damping * rate, -largest, largest)
+    return np.divide(pull, damping, out=FAR * np.sign(force), where=damping > 0), force
+
+
+def laws(joints: Sequence[BodyJoint]) -> Array:
+    """Stiffness, damping, target, target rate and largest force of joints (5, j)."""
+    fields = ("stiffness", "damping", "target", "target_rate", "largest_force")
+    return np.array([[getattr(joint, field) for joint in joints] for field in fields])
 
 
 def closing_points(engine: str, joint: BodyJoint, child: Body) -> list[Array]:

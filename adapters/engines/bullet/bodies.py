@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
@@ -11,7 +12,18 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import BodyFacts, Settings
 from touchstone.adapters.engines.bullet import tables
-from touchstone.adapters.engines.bullet.tables import BASE, LINK, NO_SHAPE, UNTURNED, Links, Multibody, Part
+from touchstone.adapters.engines.bullet.joints import Motors, Tree, start, trees
+from touchstone.adapters.engines.bullet.tables import (
+    BASE,
+    LINK,
+    NO_SHAPE,
+    UNTURNED,
+    Link,
+    Links,
+    Multibody,
+    Part,
+    xyzw,
+)
 from touchstone.adapters.servo import Drive, simulated_masses
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import (
@@ -27,10 +39,10 @@ from touchstone.scenarios.scenario import (
     Piece,
     Scenario,
     Sphere,
+    vector,
 )
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
-Joints = tuple[Joint, ...]
 INERTIA_TOLERANCE = 1e-12
 """Relative tolerance between a body's inertia and that of its shape: rounding."""
 PRIMITIVES = {
@@ -49,9 +61,11 @@ class Bodies:
         masses: mass properties per body.
         moments, axes: principal moments, and principal axes in the body frame (xyzw), per body.
         arm: centres of mass in the body frames (n, 3) [m].
+        origin: origins of the link frames in the body frames (n, 3) [m].
         colliders: per body its (id, link) pairs; `body_of` is the inverse.
         rigid: bodies in maximal coordinates.
-        free, driven: multibodies; kinematic: id per posed link, prescribed body and moving surface.
+        motors: of the mechanisms' joints.
+        free, joined, driven: multibodies; kinematic: id per posed link, prescribed body and moving surface.
     """
 
     def __init__(
@@ -70,26 +84,45 @@ class Bodies:
         self.moments, axes = zip(*(_principal_axes(body) for body in self.masses))
         self.axes, self.arm = np.array(axes), np.array([body.center_of_mass for body in self.masses])
         self.colliders: dict[int, list[tuple[int, int]]] = {}
-        maximal = self.parameters.maximal
-        self.rigid = {k for k, body in enumerate(scenario.bodies) if maximal and _is_plain(body)}
+        self._trees = trees(scenario)
+        self._nested = {body for tree in self._trees for body in tree.bodies}
+        self.motors: list[Motors] = []
+        self.origin = np.zeros((len(scenario.bodies), 3))
+        for tree in self._trees:
+            self.origin[list(tree.bodies)] = tree.origins
+        plain = [_is_plain(body) and k not in self._nested for k, body in enumerate(scenario.bodies)]
+        self.rigid = set(np.flatnonzero(plain).tolist()) if self.parameters.maximal else set()
 
     def add(self) -> None:
         """Create all bodies in their initial state."""
         groups, moves = self._scenario.groups(), [surface_moves(body) for body in self._scenario.bodies]
         posed = [moves[k] if group < 0 else group not in self._drives for k, group in enumerate(groups)]
         self._weightless = [k for k, weightless in enumerate(posed) if weightless]
-        self.free = [self._add_free(k) for k, group in enumerate(groups) if group < 0 and not posed[k]]
+        alone = [group < 0 and not posed[k] and k not in self._nested for k, group in enumerate(groups)]
+        self.free = [self._add_free(k) for k in np.flatnonzero(alone).tolist()]
+        self.joined = [self._add_joined(tree) for tree in self._trees]
         self.driven = [self._add_driven(k) for k in self._drives]
-        self.kinematic = {link: self._create((link,), (), ORIGIN, IDENTITY) for link in self._weightless}
+        self.kinematic = {link: self._create((link,), [], ORIGIN, IDENTITY) for link in self._weightless}
         self.body_of = {link: body for body, links in self.colliders.items() for link in links}
 
     def _add_free(self, body: int) -> Multibody:
         """Add a fixed or simulated body."""
         given = self._scenario.bodies[body]
         create = self._create_rigid if body in self.rigid else self._create
-        number = create((body,), (), given.position, given.orientation)
+        number = create((body,), [], given.position, given.orientation)
         pybullet.resetBaseVelocity(number, given.linear_velocity, given.angular_velocity, **self._on)
-        return Multibody(number, (body,), slice(0))
+        return Multibody(number, (body,))
+
+    def _add_joined(self, tree: Tree) -> Multibody:
+        """Add a mechanism in its initial state."""
+        based, place = len(tree.bodies) - len(tree.joints), (ORIGIN, IDENTITY)
+        if based:
+            root = self._scenario.bodies[tree.bodies[0]]
+            place = root.position, root.orientation
+        number = self._create(tree.bodies, tree.links, *place)
+        start(tree, self._scenario, number, self._on)
+        self.motors.append(Motors(tree, number, self._on))
+        return Multibody(number, tree.bodies, based=based)
 
     def _add_driven(self, tracker: int) -> Multibody:
         """Add a driven body in its initial state, with hinge limits and without Bullet's default motors."""
@@ -97,10 +130,12 @@ class Bodies:
         by_name = {joint.name: joint for joint in scenario.joints}
         joints = tuple(by_name[name] for name in scenario.trackers[tracker].joints)
         first = sum(len(other.joints) for other in scenario.trackers[:tracker])
-        orientation, start, links = drive.start_orientation[0], drive.start, range(len(joints))
-        number = self._create(drive.links, joints, drive.start_position[0], orientation)
+        orientation, first_state, links = drive.start_orientation[0], drive.start, range(len(joints))
+        placed = [self._hinge(joint, drive.links) for joint in joints]
+        number = self._create(drive.links, placed, drive.start_position[0], orientation)
         for k, joint in enumerate(joints):
-            pybullet.resetJointState(number, k, start.angle[0, k], start.rate[0, k], **self._on)
+            angle, rate = first_state.angle[0, k], first_state.rate[0, k]
+            pybullet.resetJointState(number, k, angle, rate, **self._on)
             limits = {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
             pybullet.changeDynamics(number, k, **limits, **self._on)
         if joints:
@@ -109,28 +144,35 @@ class Bodies:
                 number, links, pybullet.VELOCITY_CONTROL, forces=no_force, **self._on
             )
         arm = Rotation.from_quat(orientation, scalar_first=True).apply(self.arm[drive.links[0]])
-        omega = start.angular_velocity[0]
-        velocity = start.linear_velocity[0] + np.cross(omega, arm)
+        omega = first_state.angular_velocity[0]
+        velocity = first_state.linear_velocity[0] + np.cross(omega, arm)
         pybullet.resetBaseVelocity(number, velocity.tolist(), omega.tolist(), **self._on)
         return Multibody(number, drive.links, slice(first, first + len(joints)))
 
-    def _create(self, bodies: Links, joints: Joints, position: Sequence[float], wxyz: Sequence[float]) -> int:
-        """Create a multibody: base = first body, link k = child of joint k, then links for further hulls."""
-        scenario = self._scenario
-        shapes = [self._add_shapes(scenario.bodies[body]) for body in bodies]
-        base, *parts = (self._part(body, shape[0]) for body, shape in zip(bodies, shapes))
-        for k, joint in enumerate(joints):
-            rest = Rotation.from_quat(joint.orientation, scalar_first=True)
-            parts[k] = parts[k]._replace(
-                linkPositions=joint.position,
-                linkOrientations=xyzw(joint.orientation),
-                linkParentIndices=bodies.index(scenario.body_index(joint.parent)),
-                linkJointTypes=pybullet.JOINT_REVOLUTE,
-                linkJointAxis=tuple(rest.inv().apply(joint.axis).tolist()),
-            )
+    def _hinge(self, joint: Joint, bodies: Links) -> Link:
+        """The link of a driven body's hinge."""
+        rest = Rotation.from_quat(joint.orientation, scalar_first=True)
+        return {
+            "linkPositions": joint.position,
+            "linkOrientations": xyzw(joint.orientation),
+            "linkParentIndices": bodies.index(self._scenario.body_index(joint.parent)),
+            "linkJointTypes": pybullet.JOINT_REVOLUTE,
+            "linkJointAxis": tuple(rest.inv().apply(joint.axis).tolist()),
+        }
+
+    def _create(
+        self, bodies: Links, links: list[Link], position: Sequence[float], wxyz: Sequence[float]
+    ) -> int:
+        """Create a multibody: base = first body, or nothing if each body has a link; then `links`, and links
+        for further hulls."""
+        based = len(bodies) - len(links)
+        shapes = [self._add_shapes(body) for body in bodies]
+        parts = [self._part(body, shape[0]) for body, shape in zip(bodies, shapes)]
+        base, *parts = parts if based else [Part(0.0, NO_SHAPE), *parts]
+        parts = [part._replace(**link) for part, link in zip(parts, links)]
         further = [(k, shape) for k, own in enumerate(shapes) for shape in own[1:]]
-        parts += [Part(0.0, shape, linkParentIndices=k) for k, shape in further]
-        meeting = any(a in bodies and b in bodies for a, b in scenario.touching_pairs())
+        parts += [Part(0.0, shape, linkParentIndices=k + 1 - based) for k, shape in further]
+        meeting = any(a in bodies and b in bodies for a, b in self._scenario.touching_pairs())
         number = pybullet.createMultiBody(
             baseMass=base.linkMasses,
             baseCollisionShapeIndex=base.linkCollisionShapeIndices,
@@ -142,16 +184,15 @@ class Bodies:
             **dict(zip(Part._fields, zip(*parts))),
             **self._on,
         )
-        self._tell(number, (*bodies, *(bodies[k] for k, _ in further)), len(joints))
+        self._tell(number, (*bodies, *(bodies[k] for k, _ in further)), -based, len(bodies))
         return int(number)
 
     def _create_rigid(
-        self, bodies: Links, _: Joints, position: Sequence[float], wxyz: Sequence[float]
+        self, bodies: Links, _: list[Link], position: Sequence[float], wxyz: Sequence[float]
     ) -> int:
         """Create a body of one shape in maximal coordinates; Bullet computes its inertia from the shape."""
         (body,) = bodies
-        given = self._scenario.bodies[body]
-        (shape,) = self._add_shapes(given)
+        (shape,) = self._add_shapes(body)
         number = pybullet.createMultiBody(
             baseMass=self._part(body, shape).linkMasses,
             baseCollisionShapeIndex=shape,
@@ -160,21 +201,22 @@ class Bodies:
             useMaximalCoordinates=True,
             **self._on,
         )
-        self._tell(number, bodies, NO_SHAPE)
+        self._tell(number, bodies, BASE, 0)
         return int(number)
 
-    def _tell(self, number: int, bodies: Links, turned: int) -> None:
-        """Set coefficients, damping and activation of a new base and its links (link k: bodies[k + 1]), and
-        moments of inertia of the base and of the first `turned` links."""
+    def _tell(self, number: int, bodies: Links, first: int, turned: int) -> None:
+        """Set coefficients, damping and activation of a new base and of its links, which from `first` on are
+        `bodies`, and moments of inertia of the first `turned` of these."""
         root = self._scenario.bodies[bodies[0]]
         has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
         dynamics = self.parameters.base | (self.parameters.hull if has_hull else {})
         dynamics |= {} if root.kind in TRACKED else self.sleep
         pybullet.changeDynamics(number, BASE, **dynamics, **self._on)
-        for link, body in enumerate(bodies, start=BASE):
+        for k, body in enumerate(bodies):
+            link = first + k
             restitution, friction = self._factors[body]
             own = {"restitution": restitution, "lateralFriction": friction, **LINK}
-            if link < turned:
+            if k < turned:
                 own["localInertiaDiagonal"] = self.moments[body]
             pybullet.changeDynamics(number, link, **own, **self._on)
             self.colliders.setdefault(body, []).append((number, link))
@@ -184,13 +226,19 @@ class Bodies:
         given = self._scenario.bodies[body]
         weightless = given.kind == "fixed" or body in self._weightless
         own = self.masses[body]
-        return Part(0.0 if weightless else own.mass, shape, own.center_of_mass, tuple(self.axes[body]))
+        center = vector(own.center_of_mass - self.origin[body])
+        return Part(0.0 if weightless else own.mass, shape, center, tuple(self.axes[body]))
 
-    def _add_shapes(self, body: Body) -> list[int]:
+    def _add_shapes(self, body: int) -> list[int]:
         """Create Bullet's shapes of a body: one compound of its primitives, and one shape per hull."""
-        plain = [piece for piece in body.pieces if not isinstance(piece.shape, Hull)]
+        origin = self.origin[body]
+        pieces = [
+            replace(piece, position=vector(piece.position - origin))
+            for piece in self._scenario.bodies[body].pieces
+        ]
+        plain = [piece for piece in pieces if not isinstance(piece.shape, Hull)]
         shapes = [self._add_primitives(plain)] if plain else []
-        shapes += [self._add_hull(p, p.shape) for p in body.pieces if isinstance(p.shape, Hull)]
+        shapes += [self._add_hull(p, p.shape) for p in pieces if isinstance(p.shape, Hull)]
         return shapes or [NO_SHAPE]
 
     def _add_primitives(self, pieces: list[Piece]) -> int:
@@ -225,12 +273,6 @@ class Bodies:
             if pair not in touching:
                 for (a, link_a), (b, link_b) in product(*(self.colliders[body] for body in pair)):
                     pybullet.setCollisionFilterPair(a, b, link_a, link_b, 0, **self._on)
-
-
-def xyzw(quaternion: Sequence[float]) -> tuple[float, ...]:
-    """Reorder a quaternion wxyz to Bullet's xyzw."""
-    w, x, y, z = (float(value) for value in quaternion)
-    return x, y, z, w
 
 
 def _principal_axes(body: Body | BodyFacts) -> tuple[list[float], Sequence[float]]:

@@ -1,4 +1,4 @@
-"""Bullet through pybullet, in reduced coordinates: every body is a multibody with its own base.
+"""Bullet through pybullet, in reduced coordinates: a body, a driven hand or a mechanism is a multibody.
 
 Under `maximal`, free balls and boxes are rigid bodies.
 
@@ -33,6 +33,7 @@ from touchstone.adapters.contract import (
     Unsupported,
 )
 from touchstone.adapters.engines.bullet.bodies import Bodies
+from touchstone.adapters.engines.bullet.joints import close_loops
 from touchstone.adapters.engines.bullet.read_back import ReadBack
 from touchstone.adapters.engines.bullet.tables import (
     BASE,
@@ -56,6 +57,7 @@ class BulletEngine:
 
     name: ClassVar[str] = "bullet"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["bullet"].profiles
+    plays_body_joints: ClassVar[bool] = True
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Build a world in its own physics client."""
@@ -103,10 +105,12 @@ class World:
         self._bodies.add()
         self._driven = self._bodies.driven
         self._place_posed()
-        for multibody in self._bodies.free:
+        for multibody in (*self._bodies.free, *self._bodies.joined):
             self._observe(multibody)  # fixed bodies are read only here
+        links = {body: own[0] for body, own in self._bodies.colliders.items()}
+        close_loops(scenario, links, self._center, self._turn, self._on)
         simulated = [one for one in self._bodies.free if scenario.bodies[one.bodies[0]].kind != "fixed"]
-        self._moving = (*simulated, *self._driven)
+        self._moving = (*simulated, *self._bodies.joined, *self._driven)
         self._bodies.filter_pairs()
         self._contact_count = 0
         # Body frames of all bodies as last read, and their arms to the centres of mass, world.
@@ -115,9 +119,11 @@ class World:
 
     def _observe(self, multibody: Multibody) -> None:
         """Read a multibody's inertial frames, velocities and hinges."""
-        number, (root, *links), hinges = multibody
-        self._center[root], self._turn[root] = pybullet.getBasePositionAndOrientation(number, **self._on)
-        self._velocity[root], self._omega[root] = pybullet.getBaseVelocity(number, **self._on)
+        number, bodies, hinges, based = multibody
+        for root in bodies[:based]:
+            self._center[root], self._turn[root] = pybullet.getBasePositionAndOrientation(number, **self._on)
+            self._velocity[root], self._omega[root] = pybullet.getBaseVelocity(number, **self._on)
+        links = list(bodies[based:])
         if links:
             states = pybullet.getLinkStates(
                 number, range(len(links)), computeLinkVelocity=1, computeForwardKinematics=1, **self._on
@@ -125,17 +131,20 @@ class World:
             rows = np.array([state[0] + state[1] + state[6] + state[7] for state in states])
             self._center[links], self._turn[links] = rows[:, :3], rows[:, 3:7]
             self._velocity[links], self._omega[links] = rows[:, 7:10], rows[:, 10:]
+        if hinges.stop:
             joints = pybullet.getJointStates(number, range(len(links)), **self._on)
             self._angle[hinges], self._rate[hinges] = np.array([joint[:2] for joint in joints]).T
             if self._native:
                 self._hinge_torque[hinges] = [joint[3] for joint in joints]
 
     def drive(self, step: int) -> None:
-        """Command roots and hinges and cancel gravity on driven links, or pose kinematic links."""
+        """Command roots, hinges and motors and cancel gravity on driven links, or pose kinematic links."""
         self._moment = step + 1
         self._place_posed()
+        for motors in self._bodies.motors:
+            motors.push()
         for k, (multibody, drive) in enumerate(zip(self._driven, self._drives)):
-            number, bodies, _ = multibody
+            number, bodies = multibody.id, multibody.bodies
             root = bodies[0]
             if not self._read_since_step:
                 self._observe(multibody)
@@ -176,7 +185,7 @@ class World:
         A motor's target is the rate at the end of the step under the servo's law; its torque is limited to
         that of the law.
         """
-        number, bodies, hinges = multibody
+        number, bodies, hinges, _ = multibody
         links, angle, rate = range(len(bodies) - 1), self._angle[hinges], self._rate[hinges]
         if not self._native:
             torques = self._hinge_torque[hinges] = drive.hinge_torques(step, angle, rate)

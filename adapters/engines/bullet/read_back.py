@@ -6,18 +6,25 @@ import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import BodyFacts, PairFacts, Scalar, Settings
+from touchstone.adapters.contract import Array, BodyFacts, PairFacts, Scalar, Settings
 from touchstone.adapters.engines.bullet.bodies import Bodies
 from touchstone.adapters.engines.bullet.tables import BASE, LINK, RIGID_BODY
 from touchstone.adapters.posed_drive import coupled
 from touchstone.adapters.servo import ROOT_DRIVES
-from touchstone.scenarios.scenario import Hull, Scenario
+from touchstone.scenarios.scenario import Hull, Scenario, vector
 
 HINGE_DRIVES = {
     "native": "position control",
     "torque": "off (force 0)",
     "posed": "none: links are bodies without mass",
 }
+FREEDOM = {
+    pybullet.JOINT_REVOLUTE: 1,
+    pybullet.JOINT_PRISMATIC: 1,
+    pybullet.JOINT_SPHERICAL: 3,
+    pybullet.JOINT_FIXED: 0,
+}
+"""Degrees of freedom of joints."""
 
 
 class ReadBack:
@@ -32,7 +39,8 @@ class ReadBack:
 
     def bodies(self) -> dict[str, BodyFacts]:
         """Mass properties by body."""
-        return {body.name: _body_facts(fact) for body, fact in zip(self._scenario.bodies, self._facts)}
+        rows = zip(self._scenario.bodies, self._facts, self._bodies.origin)
+        return {body.name: _body_facts(fact, origin) for body, fact, origin in rows}
 
     def pairs(self) -> tuple[PairFacts, ...]:
         """Coefficients of the pairs that may touch."""
@@ -53,21 +61,22 @@ class ReadBack:
         return found
 
     def freedom(self) -> int:
-        """Degrees of freedom: six per base with mass, one per hinge."""
+        """Degrees of freedom: six per base with mass, and those of joints."""
         free = 0
-        for multibody in (*self._bodies.free, *self._bodies.driven):
+        for multibody in (*self._bodies.free, *self._bodies.joined, *self._bodies.driven):
             free += 6 * (pybullet.getDynamicsInfo(multibody.id, BASE, **self._on)[0] > 0)
             kinds = [
                 pybullet.getJointInfo(multibody.id, k, **self._on)[2]
                 for k in range(pybullet.getNumJoints(multibody.id, **self._on))
             ]
-            free += kinds.count(pybullet.JOINT_REVOLUTE)
+            free += sum(FREEDOM[kind] for kind in kinds)
         return free
 
     def settings(self, solver: dict[str, Scalar]) -> dict[str, Scalar]:
         """Settings: those of the solver (`solver`) and others as read back, the rest as set."""
         pybullet.syncBodyInfo(**self._on)  # getJointInfo reads a copy made before the limits were set
-        links = [(m.id, k) for m in self._bodies.driven for k in range(len(m.bodies) - 1)]
+        jointed = (*self._bodies.joined, *self._bodies.driven)
+        links = [(m.id, k) for m in jointed for k in range(len(m.bodies) - m.based)]
         joints = [pybullet.getJointInfo(*link, **self._on) for link in links]
         facts = self._facts
         rows = zip(facts, self._scenario.bodies)
@@ -95,6 +104,7 @@ class ReadBack:
             "sleep of driven bodies": "off: no force wakes a multibody",
             "root_drive": ROOT_DRIVES[self._settings.drive],
             "default joint motors": HINGE_DRIVES[self._settings.drive],
+            "joint springs and dampers": "joint motors to the rate without force, by at most the law's force",
             "gravity of driven links": "cancelled by an opposite force at each centre of mass",
             "contact breaking": "the threshold is one for the whole process",
             "threads": 1,
@@ -120,9 +130,10 @@ def _largest(rows: list[tuple], field: int) -> float:
     return max((row[field] for row in rows), default=0.0)
 
 
-def _body_facts(fact: tuple) -> BodyFacts:
-    """Mass properties from Bullet's record of a link, rotated to the body axes."""
+def _body_facts(fact: tuple, origin: Array) -> BodyFacts:
+    """Mass properties from Bullet's record of a link with an origin in the body frame, rotated to the body
+    axes."""
     # Bullet reports no axes for a rigid body: its inertia is along those of its shape.
     axes = np.eye(3) if fact[10] == RIGID_BODY else Rotation.from_quat(fact[4]).as_matrix()
     inertia = axes @ np.diag(fact[2]) @ axes.T
-    return BodyFacts(fact[0], fact[3], tuple(tuple(row) for row in inertia.tolist()))
+    return BodyFacts(fact[0], vector(fact[3] + origin), tuple(tuple(row) for row in inertia.tolist()))

@@ -10,7 +10,7 @@ import numpy as np
 import pybullet
 
 from touchstone.adapters.contract import Settings
-from touchstone.adapters.engines.bullet import bodies, engine
+from touchstone.adapters.engines.bullet import bodies, engine, joints
 from touchstone.adapters.scripts.script import Parts, literal, moving
 from touchstone.adapters.scripts.trace import Trace, needed
 from touchstone.adapters.scripts.writing import Writer, commanded
@@ -39,10 +39,10 @@ def traced() -> Iterator[Trace]:
     """A trace of what the adapter calls meanwhile."""
     trace = Trace(pybullet, handles=HANDLES, reads=("connect", "disconnect", "stepSimulation"))
     try:
-        engine.pybullet = bodies.pybullet = trace.module
+        engine.pybullet = bodies.pybullet = joints.pybullet = trace.module
         yield trace
     finally:
-        engine.pybullet = bodies.pybullet = pybullet
+        engine.pybullet = bodies.pybullet = joints.pybullet = pybullet
 
 
 def parts(scenario: Scenario, settings: Settings) -> Parts:

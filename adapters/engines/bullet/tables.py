@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import pybullet
 
@@ -11,6 +11,8 @@ from touchstone.adapters.engines.bullet.settings import OF_BODIES, SETTINGS
 from touchstone.scenarios.scenario import ORIGIN
 
 Links = tuple[int, ...]
+Link = dict[str, Any]
+"""Fields of a Part that place a link and say how its joint moves."""
 
 BASE = -1
 """Bullet's index of a multibody's base; its links count from 0."""
@@ -94,8 +96,16 @@ class Part(NamedTuple):
 
 
 class Multibody(NamedTuple):
-    """A base with its links: Bullet's id, the bodies (base first), and its hinges among all hinges."""
+    """A base with its links: Bullet's id, the bodies (base first), its hinges among all hinges, and whether
+    the base is the first body, or none (0 or 1)."""
 
     id: int
     bodies: Links
-    hinges: slice
+    hinges: slice = slice(0)
+    based: int = 1
+
+
+def xyzw(quaternion: Sequence[float]) -> tuple[float, ...]:
+    """Reorder a quaternion wxyz to Bullet's xyzw."""
+    w, x, y, z = (float(value) for value in quaternion)
+    return x, y, z, w

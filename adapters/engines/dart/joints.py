@@ -8,7 +8,7 @@ import dartpy
 import numpy as np
 
 from touchstone.adapters.engines.dart.model import add_free, isometry
-from touchstone.adapters.joined_bodies import closing_points, moved_parent, start_motion
+from touchstone.adapters.joined_bodies import closing_points, laws, moved_parent, servo, start_motion
 from touchstone.scenarios.body_joints import is_limited, mechanisms, spanning_trees
 from touchstone.scenarios.scenario import IDENTITY, ORIGIN, UNBOUNDED, BodyJoint, Scenario
 
@@ -82,7 +82,7 @@ def _add(
 
 def _set_forces(made: Any, joint: BodyJoint, motors: list[tuple[Any, BodyJoint]]) -> None:
     """Set limits, and spring and damper, which DART integrates implicitly. They have no target rate and no
-    largest force: joints with these get their force in each step."""
+    largest force: joints with these are servos, commanded in each step."""
     if is_limited(joint):
         made.setPositionLowerLimit(0, joint.lower)
         made.setPositionUpperLimit(0, joint.upper)
@@ -90,6 +90,7 @@ def _set_forces(made: Any, joint: BodyJoint, motors: list[tuple[Any, BodyJoint]]
     # DART takes no rest position beyond the limits
     beyond = not joint.lower <= joint.target <= joint.upper
     if joint.target_rate != 0 or joint.largest_force < UNBOUNDED or beyond:
+        made.setActuatorType(dartpy.dynamics.ActuatorType.SERVO)
         motors.append((made, joint))
     else:
         made.setSpringStiffness(0, joint.stiffness)
@@ -98,11 +99,12 @@ def _set_forces(made: Any, joint: BodyJoint, motors: list[tuple[Any, BodyJoint]]
 
 
 def push_motors(motors: list[tuple[Any, BodyJoint]]) -> None:
-    """Set the forces of motors for the next step from the positions and rates at its start."""
+    """Command DART's servos of motors for the next step."""
     for made, joint in motors:
-        error = joint.target - made.getPosition(0)
-        force = joint.stiffness * error + joint.damping * (joint.target_rate - made.getVelocity(0))
-        made.setForce(0, min(max(force, -joint.largest_force), joint.largest_force))
+        rate, force = servo(laws([joint]), made.getPosition(0), made.getVelocity(0))
+        made.setCommand(0, rate[0])
+        made.setForceLowerLimit(0, -abs(force[0]))
+        made.setForceUpperLimit(0, abs(force[0]))
 
 
 def _close(world: Any, scenario: Scenario, joint: BodyJoint, nodes: dict[int, Any]) -> None:

@@ -63,17 +63,17 @@ def add_trees(spec: Any, scenario: Scenario, bodies: dict[int, Any], settings: S
         if is_limited(joint):
             made.limited, made.range = mujoco.mjtLimited.mjLIMITED_TRUE, (joint.lower, joint.upper)
             made.solref_limit, made.solimp_limit = _stiffness(settings)
-        if not is_motor(joint):
+        if joint.largest_force == UNBOUNDED:
             # newer versions have polynomials of forces
             made.damping = (joint.damping, 0.0, 0.0) if np.ndim(made.damping) else joint.damping
             made.stiffness = (joint.stiffness, 0.0, 0.0) if np.ndim(made.stiffness) else joint.stiffness
             made.springref = joint.target
 
 
-def is_motor(joint: BodyJoint) -> bool:
+def _is_motor(joint: BodyJoint) -> bool:
     """Whether a joint's force needs an actuator: MuJoCo's springs and dampers have neither a rate nor a
     largest force."""
-    return joint.target_rate != 0 or joint.largest_force < UNBOUNDED
+    return joint.damping * joint.target_rate != 0 or joint.largest_force < UNBOUNDED
 
 
 def _stiffness(settings: Settings) -> tuple[tuple[float, float], Any]:
@@ -91,15 +91,18 @@ def add_loops_and_motors(spec: Any, scenario: Scenario, settings: Settings) -> N
     for joint in loops:
         _add_loop(spec, scenario, joint, settings)
     for joint in tree:
-        if is_motor(joint) and joint.type != "fixed":
+        if _is_motor(joint) and joint.type != "fixed":
             actuator = spec.add_actuator(
                 name=f"motor {joint.name}", target=f"joint {joint.name}", trntype=mujoco.mjtTrn.mjTRN_JOINT
             )
-            bias = joint.stiffness * joint.target + joint.damping * joint.target_rate
+            drive = joint.damping * joint.target_rate
             actuator.gaintype, actuator.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
             actuator.gainprm[:], actuator.biasprm[:] = 0.0, 0.0
-            actuator.biasprm[:3] = bias, -joint.stiffness, -joint.damping
+            # without a bound, the joint has the spring and the damper, which MuJoCo takes as implicit
+            actuator.biasprm[0] = drive
             if joint.largest_force < UNBOUNDED:
+                bias = drive + joint.stiffness * joint.target
+                actuator.biasprm[:3] = bias, -joint.stiffness, -joint.damping
                 actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
                 actuator.forcerange = (-joint.largest_force, joint.largest_force)
 
@@ -121,10 +124,9 @@ def _add_loop(spec: Any, scenario: Scenario, joint: BodyJoint, settings: Setting
             turn = _inverse(child.orientation)
             if parent is not None:
                 mujoco.mju_mulQuat(turn, _inverse(child.orientation), np.array(parent.orientation))
-            # anchor in the second body, then its pose in the first
-            made.data[:3] = in_frame(parent, point)
-            origin = np.zeros(3) if parent is None else parent.position
-            made.data[3:6], made.data[6:10], made.data[10] = in_frame(child, origin), turn, 1.0
+            # the anchor in the second body and in the first, and the turn of the second in the first
+            made.data[:3], made.data[3:6] = in_frame(parent, point), in_frame(child, point)
+            made.data[6:10], made.data[10] = turn, 1.0
 
 
 def start_rates(scenario: Scenario, model: Any, qvel: Array) -> None:

@@ -46,9 +46,10 @@ def contact_gap(context: Context) -> Values:
     """Median signed distance of a body at rest, carried, pushed or pressed, to its support [m]; truth 0.
 
     Covers a simulated body that rests on a fixed body, or moves with a prescribed one; a simulated body that
-    a driven one carries or pushes, by the nearest link that presses, in the frames before and after which the
-    engine reports normal impulses of the pair, however far apart they are; and a driven body, by its nearest
-    link, in the frames in which its tracker has a link inside a fixed or driven body.
+    a driven one carries or pushes, by the nearest link that presses; and a driven body, by its nearest link,
+    in the frames in which its tracker has a link inside a fixed or driven body. What is carried or pushed,
+    and what joints may hold over its support, counts in the frames before and after which the engine reports
+    normal impulses of the pair, however far apart they are.
     """
     found: dict[str, float | Value] = {
         **_resting_gaps(context),
@@ -62,15 +63,10 @@ def contact_gap(context: Context) -> Values:
 
 def _carried_gaps(context: Context) -> dict[str, Value]:
     """Gaps between driven bodies and the simulated ones that they carry or push, by the name of the root."""
-    met, which = context.met
-    frames, pressing = len(context.recording.time), context.impulses[0] > context.least_impulse
     nearest: dict[str, Array] = {}
-    for k, pair in enumerate(met):
+    for pair in context.met[0]:
         if {context.kind[body] for body in pair} == {"driven", "simulated"}:
-            steps = np.zeros(frames + 1, dtype=bool)
-            steps[1 + context.contact_frame[pressing & (which == k)]] = True
-            loaded = steps[:-1] & steps[1:]
-            gap = np.where(loaded, context.distances.distance[pair], np.inf)
+            gap = np.where(_loaded(context, pair), context.distances.distance[pair], np.inf)
             name = context.owner_pair(*pair)
             nearest[name] = np.minimum(nearest.get(name, np.inf), gap)
     kept = {name: gap[np.isfinite(gap)] for name, gap in nearest.items()}
@@ -81,8 +77,19 @@ def _carried_gaps(context: Context) -> dict[str, Value]:
     }
 
 
+def _loaded(context: Context, pair: tuple[int, int]) -> Mask:
+    """Frames (f,) before and after which the engine reports normal impulses of a pair."""
+    met, which = context.met
+    steps = np.zeros(len(context.recording.time) + 1, dtype=bool)
+    if pair in met:
+        pressing = context.impulses[0] > context.least_impulse
+        steps[1 + context.contact_frame[pressing & (which == met.index(pair))]] = True
+    return steps[:-1] & steps[1:]
+
+
 def _resting_gaps(context: Context) -> dict[str, float]:
     found: dict[str, float] = {}
+    joined = {name for joint in context.scenario.body_joints for name in (joint.parent, joint.child)}
     for pair, distance in sorted(
         context.distances.distance.items(), key=lambda item: _mover(context, item[0])
     ):
@@ -94,6 +101,8 @@ def _resting_gaps(context: Context) -> dict[str, float]:
         carried = context.material_velocity(other, context.mass_centers[:, body], normal)
         speed = np.linalg.norm(context.recording.linear_velocity[:, body] - carried, axis=1)
         resting = (speed < REST_SPEED) & (np.abs(distance) < SUPPORT_REACH)
+        if context.scenario.bodies[body].name in joined:
+            resting &= _loaded(context, pair)
         if resting.sum() >= FEWEST:
             found[context.pair_name(*pair)] = float(np.median(distance[resting]))
     return found

@@ -1,0 +1,175 @@
+"""Joints between bodies in Bullet: one multibody a mechanism, constraints that close loops, and motors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pybullet
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Array
+from touchstone.adapters.engines.bullet.tables import UNTURNED, Link, Links
+from touchstone.adapters.joined_bodies import closing_points, laws, moved_parent, servo, start_motion
+from touchstone.scenarios.body_joints import ALONG_AXIS, is_limited, mechanisms, spanning_trees
+from touchstone.scenarios.scenario import ORIGIN, UNBOUNDED, Body, BodyJoint, Scenario, vector
+
+TYPES = {
+    "hinge": pybullet.JOINT_REVOLUTE,
+    "slider": pybullet.JOINT_PRISMATIC,
+    "ball": pybullet.JOINT_SPHERICAL,
+    "fixed": pybullet.JOINT_FIXED,
+}
+
+
+class Tree(NamedTuple):
+    """A mechanism as a multibody. The base is the first body, or nothing if each body has a joint.
+
+    Attributes:
+        origins: origins of the link frames in the body frames, one a body (b, 3) [m].
+        joints, links: joint of each further body, and what places its link.
+    """
+
+    bodies: Links
+    origins: Array
+    joints: tuple[BodyJoint, ...]
+    links: list[Link]
+
+
+def trees(scenario: Scenario) -> list[Tree]:
+    """The mechanisms of a scene. A link's frame has the joint's anchor as origin, and the child's axes.
+
+    Raises:
+        Unsupported: a joint with a prescribed body.
+    """
+    tree = spanning_trees(scenario)[0]
+    names = [{joint.name for joint in group} for group in mechanisms(scenario)]
+    return [_tree(scenario, [joint for joint in tree if joint.name in own]) for own in names]
+
+
+def _tree(scenario: Scenario, joints: list[BodyJoint]) -> Tree:
+    parents = [moved_parent("bullet", scenario, joint) for joint in joints]
+    bodies = [scenario.body_index(joint.child) for joint in joints]
+    based = int(parents[0] is not None)
+    if parents[0] is not None:
+        bodies.insert(0, scenario.body_index(parents[0].name))
+    origin = {body: np.array(scenario.bodies[body].position) for body in bodies[:based]}
+    links: list[Link] = []
+    for joint, parent in zip(joints, parents):
+        child = scenario.bodies[scenario.body_index(joint.child)]
+        outer, place, index = Rotation.identity(), np.zeros(3), 0
+        if parent is not None:
+            key = scenario.body_index(parent.name)
+            outer, place, index = _turn(parent), origin[key], bodies.index(key) + 1 - based
+        origin[scenario.body_index(joint.child)] = np.array(joint.anchor)
+        links.append(
+            {
+                "linkPositions": vector(outer.inv().apply(np.array(joint.anchor) - place)),
+                "linkOrientations": tuple((outer.inv() * _turn(child)).as_quat().tolist()),
+                "linkParentIndices": index,
+                "linkJointTypes": TYPES[joint.type],
+                "linkJointAxis": vector(_turn(child).inv().apply(joint.axis)),
+            }
+        )
+    own = [scenario.bodies[body] for body in bodies]
+    origins = [_turn(b).inv().apply(origin[k] - np.array(b.position)) for k, b in zip(bodies, own)]
+    return Tree(tuple(bodies), np.array(origins), tuple(joints), links)
+
+
+def _turn(body: Body) -> Rotation:
+    return Rotation.from_quat(body.orientation, scalar_first=True)
+
+
+def start(tree: Tree, scenario: Scenario, number: int, on: Mapping[str, int]) -> None:
+    """Set velocities, limits and the dampers of ball joints of a new multibody, and no force in motors."""
+    named = {body.name: body for body in scenario.bodies}
+    if len(tree.bodies) > len(tree.joints):
+        root = scenario.bodies[tree.bodies[0]]
+        pybullet.resetBaseVelocity(number, root.linear_velocity, root.angular_velocity, **on)
+    for k, joint in enumerate(tree.joints):
+        child = named[joint.child]
+        turn, speed = start_motion(child, moved_parent("bullet", scenario, joint))
+        if joint.type == "ball":
+            rate = _turn(child).inv().apply(turn).tolist()
+            pybullet.resetJointStateMultiDof(number, k, UNTURNED, rate, **on)
+            pybullet.changeDynamics(number, k, jointDamping=joint.damping, **on)
+            pybullet.setJointMotorControlMultiDof(
+                number, k, pybullet.POSITION_CONTROL, targetPosition=UNTURNED, force=[0.0] * 3, **on
+            )
+        elif joint.type in ALONG_AXIS:
+            rate = float(np.dot(joint.axis, turn if joint.type == "hinge" else speed))
+            pybullet.resetJointState(number, k, 0.0, rate, **on)
+            pybullet.setJointMotorControl2(number, k, pybullet.VELOCITY_CONTROL, force=0.0, **on)
+            if is_limited(joint):
+                limits = {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
+                pybullet.changeDynamics(number, k, **limits, **on)
+
+
+class Motors:
+    """Springs, dampers and motors of hinges and sliders: each a joint motor of Bullet as `servo`."""
+
+    def __init__(self, tree: Tree, number: int, on: Mapping[str, int]) -> None:
+        self._number, self._on = number, on
+        self._links = [
+            k
+            for k, one in enumerate(tree.joints)
+            if one.type in ALONG_AXIS and (one.stiffness or one.damping)
+        ]
+        self._law = laws([tree.joints[k] for k in self._links])
+
+    def push(self) -> None:
+        """Command the motors for the next step."""
+        if not self._links:
+            return
+        states = pybullet.getJointStates(self._number, self._links, **self._on)
+        rate, force = servo(self._law, *np.array([state[:2] for state in states]).T)
+        pybullet.setJointMotorControlArray(
+            self._number,
+            self._links,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocities=rate.tolist(),
+            forces=np.abs(force).tolist(),
+            velocityGains=[1.0] * len(self._links),
+            **self._on,
+        )
+
+
+def close_loops(
+    scenario: Scenario,
+    link: Mapping[int, tuple[int, int]],
+    center: Array,
+    turn: Array,
+    on: Mapping[str, int],
+) -> None:
+    """Close loops: a ball joint by one point, a hinge by two on its axis, a fixed joint as a whole.
+
+    Args:
+        link: Bullet's id and link of each body.
+        center, turn: inertial frames of all bodies at the start (n, 3), xyzw (n, 4).
+    Raises:
+        Unsupported: a joint that closes a loop is a slider, or has forces or limits.
+    """
+    for joint in spanning_trees(scenario)[1]:
+        child, parent = scenario.body_index(joint.child), moved_parent("bullet", scenario, joint)
+        kind = pybullet.JOINT_FIXED if joint.type == "fixed" else pybullet.JOINT_POINT2POINT
+        other = None if parent is None else scenario.body_index(parent.name)
+        for point in closing_points("bullet", joint, scenario.bodies[child]):
+            frames = []
+            for body in (child, other):
+                back = Rotation.identity() if body is None else Rotation.from_quat(turn[body]).inv()
+                arm = point if body is None else point - center[body]
+                frames.append((vector(back.apply(arm)), back.as_quat().tolist()))
+            (place, axes), (other_place, other_axes) = frames
+            made = pybullet.createConstraint(
+                *link[child],
+                *(link[other] if other is not None else (-1, -1)),
+                kind,
+                ORIGIN,
+                place,
+                other_place,
+                axes,
+                other_axes,
+                **on,
+            )
+            pybullet.changeConstraint(made, maxForce=UNBOUNDED, **on)
