@@ -85,6 +85,7 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
         _check_body(body, f"bodies[{i}]", report)
     _check_joints(scenario, report)
     check_body_joints(scenario, report)
+    _check_exclusions(scenario, report)
     for i, tracker in enumerate(scenario.trackers):
         check_tracker(scenario, tracker, f"trackers[{i}]", report)
     check_driving(scenario, report)
@@ -116,6 +117,20 @@ def _check_numbers(scenario: Scenario, report: Report) -> None:
             report(f"effects[{i}]", f"unknown effect {effect!r}; valid: {', '.join(EFFECTS)}")
         elif effect in scenario.effects[:i]:
             report(f"effects[{i}]", f"{effect!r} is named twice")
+
+
+def _check_exclusions(scenario: Scenario, report: Report) -> None:
+    """Report groups of bodies without contact that are no groups, or whose bodies follow trackers."""
+    valid = [body.name for body in scenario.bodies if body.kind not in TRACKED]
+    for i, names in enumerate(scenario.contact_exclusions):
+        if len(set(names)) < 2 or len(set(names)) < len(names):
+            report(f"contact_exclusions[{i}]", f"found {list(names)}, expected two different bodies or more")
+        for k, name in enumerate(names):
+            if name not in valid:
+                report(
+                    f"contact_exclusions[{i}][{k}]",
+                    f"found {name!r}, expected a simulated or fixed body: {', '.join(valid)}",
+                )
 
 
 def _check_names(scenario: Scenario, report: Report) -> None:

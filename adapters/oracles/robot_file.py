@@ -30,7 +30,8 @@ from touchstone.adapters.robots.links import (
     joints_of,
 )
 from touchstone.adapters.robots.robot_error import RobotError
-from touchstone.adapters.robots.robot_scene import BASE, BASE_END, BASE_NOTE, LEFT_OUT, Imported
+from touchstone.adapters.robots.link_body import BASE, BASE_NOTE
+from touchstone.adapters.robots.robot_scene import BASE_END, LEFT_OUT, Imported
 from touchstone.adapters.robots.source import Source
 from touchstone.scenarios.avatar.kinematics import hinges, link_poses
 from touchstone.scenarios.scenario import Scenario, Tracker
