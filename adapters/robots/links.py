@@ -29,6 +29,8 @@ SHARE, LEAST_SHARE = 0.1, 1e-4
 """Share of a body's mass in the balls between its hinges, and the least one that is tried [1]."""
 SIMULATED_SHARE = 1e-6
 """The same of a simulated mechanism [1]: its motion is to differ less from the model's than engines do."""
+LEAST_MASS = 1e-12
+"""Mass [kg] up to which a link counts as massless: no engine divides by it."""
 SAME_POINT = 1e-9
 """Distance up to which hinges have a common anchor [m]."""
 UNLIMITED = 1000.0
@@ -229,7 +231,9 @@ class TreeBuilder:
         if first == last:
             return
         if self._simulated:
-            self._shared(name, first, anchors, SIMULATED_SHARE)
+            # the balls of a light body would count as massless
+            weight = self.links[last].mass.mass * SIMULATED_SHARE / (last - first)
+            self._shared(name, first, anchors, SIMULATED_SHARE if weight > LEAST_MASS else SHARE)
             return
         if np.abs(anchors - anchors[-1]).max() > SAME_POINT:
             self._notes.append(

@@ -60,7 +60,10 @@ def add_mechanism(
     notes: list[str],
 ) -> None:
     """Add what hangs on the world by one body as simulated bodies and the joints between them."""
-    model, kinds = source.model, [int(source.model.jnt_type[joint]) for joint in joints_of(source.model, body)]
+    model, kinds = (
+        source.model,
+        [int(source.model.jnt_type[joint]) for joint in joints_of(source.model, body)],
+    )
     on_world = bool(kinds) and FREE not in kinds
     builder = TreeBuilder(model, notes, simulated=True)
     builder.add_root(body, WORLD if on_world else None)
@@ -146,9 +149,7 @@ def _joint(
     low, high = link.limits
     start = q + float(model.qpos0[model.jnt_qposadr[link.source]])
     own = forces(model, link.source, start, drives.get(link.source, []), carried, HOLD_FREQUENCY)
-    return BodyJoint(
-        **fields, axis=vector(axis / np.linalg.norm(axis)), lower=low - q, upper=high - q, **own
-    )
+    return BodyJoint(**fields, axis=vector(axis / np.linalg.norm(axis)), lower=low - q, upper=high - q, **own)
 
 
 def _carried(tree: _Tree, bodies: list[Body]) -> list[float]:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import AdapterError

@@ -88,9 +88,7 @@ def import_robot(
     fixed_base: Annotated[
         bool, typer.Option("--fixed-base", help="With --free: the root stands still (URDF: by default free).")
     ] = False,
-    hold: Annotated[
-        bool, typer.Option("--hold", help="With --free: servos hold the start posture.")
-    ] = False,
+    hold: Annotated[bool, typer.Option("--hold", help="With --free: servos hold the start posture.")] = False,
     allow_paths: AllowPathsOption = False,
     force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
     output: FormatOption = Format.table,
