@@ -148,7 +148,7 @@ def _is_slab(piece: Piece) -> bool:
 
 
 def _lowest(parts: Parts) -> float | None:
-    """Height of the lowest point of what moves, at the start [m]; None if mechanisms on the world do alone."""
+    """Height of the lowest point of what moves, at the start [m]; None if only mechanisms on the world do."""
     heights = [0.0] if not parts.trackers and not parts.body_joints else []
     by_name = {body.name: body for body in parts.bodies}
     for tracker in parts.trackers:

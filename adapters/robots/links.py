@@ -103,7 +103,7 @@ class Link:
 
 
 class Freedom(NamedTuple):
-    """Joint of a body: name, anchor and axis in the body's frame, limits [rad, m], type, index in the model."""
+    """Joint of a body: name, anchor and axis in the body's frame, limits [rad, m], type, index in model."""
 
     name: str
     anchor: Array

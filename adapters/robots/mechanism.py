@@ -92,9 +92,9 @@ def add_mechanism(
     parts.standing |= {one.name for one in bodies} if still else set()
     alone = [link.source for link in links[1:] if link.kind != "ball"]
     notes += notes_of(model, alone, drives, way.hold)
-    if balls := [link.joint for link in links[1:] if link.kind == "ball"]:
-        if way.hold:
-            notes.append(f"hold: ball joints {', '.join(map(repr, balls))} have no servos")
+    balls = ", ".join(repr(link.joint) for link in links[1:] if link.kind == "ball")
+    if way.hold and balls:
+        notes.append(f"hold: ball joints {balls} have no servos")
 
 
 def _stands(source: Source) -> bool:

@@ -17,10 +17,8 @@ from touchstone.adapters.robots.links import HINGE, SLIDE, joint_name
 from touchstone.scenarios.scenario import UNBOUNDED
 
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-FIXED, AFFINE, NO_BIAS = (
-    int(value)
-    for value in (mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE, mujoco.mjtBias.mjBIAS_NONE)
-)
+FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
+AFFINE, NO_BIAS = int(mujoco.mjtBias.mjBIAS_AFFINE), int(mujoco.mjtBias.mjBIAS_NONE)
 KEPT_STATES = tuple(
     int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT")
 )
@@ -32,16 +30,14 @@ class Drive:
     """An actuator on a joint at its control of the start.
 
     Attributes:
-        stiffness, damping, constant: force = constant - stiffness q - damping q', q in the model's coordinate.
+        stiffness, damping, constant: of the force constant - stiffness q - damping q', q in the model.
         largest: bound on that force.
-        strongest: the largest force at any control.
     """
 
     stiffness: float
     damping: float
     constant: float
     largest: float
-    strongest: float
 
 
 def drives_of(model: Any, notes: list[str]) -> dict[int, list[Drive]]:
@@ -85,17 +81,11 @@ def _drive(model: Any, k: int) -> Drive:
     gear, gain = float(model.actuator_gear[k, 0]), float(model.actuator_gainprm[k, 0])
     has_bias = int(model.actuator_biastype[k]) == AFFINE
     zero, one, two = model.actuator_biasprm[k, :3].tolist() if has_bias else (0.0, 0.0, 0.0)
-    control, most = 0.0, np.inf
-    if model.actuator_ctrllimited[k]:
-        low, high = model.actuator_ctrlrange[k].tolist()
-        control, most = float(np.clip(0.0, low, high)), max(abs(low), abs(high))
+    control = float(np.clip(0.0, *model.actuator_ctrlrange[k])) if model.actuator_ctrllimited[k] else 0.0
     largest = UNBOUNDED
     if model.actuator_forcelimited[k]:
         largest = abs(gear) * float(np.abs(model.actuator_forcerange[k]).max())
-    strongest = largest
-    if not (one or two or zero) and gain:
-        strongest = min(largest, abs(gear * gain) * most)
-    return Drive(-one * gear**2, -two * gear**2, gear * (gain * control + zero), largest, strongest)
+    return Drive(-one * gear**2, -two * gear**2, gear * (gain * control + zero), largest)
 
 
 def forces(
@@ -105,7 +95,8 @@ def forces(
 
     Args:
         start: the joint's coordinate in the model at the scene's start [rad, m].
-        held: what a servo carries that holds the start posture [kg m^2, kg]; None without servos.
+        held: what a servo carries that holds the start posture instead of the drives [kg m^2, kg]; None for
+            the drives.
         frequency: of that servo, which is critically damped [rad/s].
     """
     place, rate = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
@@ -113,14 +104,10 @@ def forces(
     constant = stiffness * (float(model.qpos_spring[place]) - start)
     own = [(one.stiffness, one.damping, one.constant - one.stiffness * start) for one in drives]
     largest = sum(one.largest for one in drives) if drives else UNBOUNDED
-    if held is not None:
-        # servos of the file hold the start by their controls
-        own = [(k, d, 0.0) for k, d, _ in own]
-        if not any(k for k, _, _ in own):
-            own = [(held * frequency**2, 2 * held * frequency, 0.0)]
-        largest = sum(one.strongest for one in drives) if drives else UNBOUNDED
     if model.jnt_actfrclimited[joint] and own:
         largest = min(largest, float(np.abs(model.jnt_actfrcrange[joint]).max()))
+    if held is not None:
+        own, largest = [(held * frequency**2, 2 * held * frequency, 0.0)], UNBOUNDED
     stiffness += sum(k for k, _, _ in own)
     damping += sum(d for _, d, _ in own)
     constant += sum(c for _, _, c in own)
@@ -136,33 +123,26 @@ def forces(
 
 def notes_of(model: Any, joints: list[int], drives: dict[int, list[Drive]], hold: bool) -> list[str]:
     """What the forces of a robot's hinges and sliders cannot keep, a line each kind."""
+    limited = [joint for joint in joints if model.jnt_actfrclimited[joint]]
+    if hold:
+        bounded = limited or any(joint in drives for joint in joints)
+        return ["hold: servos take the place of motors, and no effort bounds them"] if bounded else []
     notes: list[str] = []
-    rates = model.jnt_dofadr[joints]
-    passive = [
-        joint
-        for joint, rate in zip(joints, rates)
-        if model.jnt_stiffness[joint].any() or model.dof_damping[rate].any()
-    ]
-    bounded = [
-        joint
-        for joint in passive
-        if (joint in drives or hold)
-        and (model.jnt_actfrclimited[joint] or any(one.largest < UNBOUNDED for one in drives.get(joint, ())))
-    ]
-    if bounded:
-        names = _listed(model, bounded)
+    passive, constant = [], []
+    for joint in joints:
+        own = drives.get(joint, [])
+        spring = model.jnt_stiffness[joint].any() or model.dof_damping[model.jnt_dofadr[joint]].any()
+        finite = joint in limited or any(one.largest < UNBOUNDED for one in own)
+        if own and spring and finite:
+            passive.append(joint)
+        if not spring and not any(one.stiffness or one.damping for one in own):
+            constant += [joint] if any(one.constant for one in own) else []
+    if passive:
+        names = _listed(model, passive)
         notes.append(f"joints {names}: the largest force of the motor bounds its spring and damper too")
-    weak = [joint for joint in joints if model.jnt_actfrclimited[joint] and joint not in drives]
-    if weak and not hold:
+    if weak := [joint for joint in limited if joint not in drives]:
         notes.append(f"left out: largest efforts of {len(weak)} joints without motors; --hold adds servos")
-    constant = [
-        joint
-        for joint in joints
-        if joint not in passive
-        and any(one.constant and not (one.stiffness or one.damping) for one in drives.get(joint, ()))
-        and not any(one.stiffness or one.damping for one in drives.get(joint, ()))
-    ]
-    if constant and not hold:
+    if constant:
         notes.append(f"left out: constant forces of the motors of joints {_listed(model, constant)}")
     return notes
 
