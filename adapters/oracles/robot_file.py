@@ -95,7 +95,8 @@ class UrdfTree(FileTree):
         names = [name for name in (root, root.removesuffix(BASE_END)) if self._model.existFrame(name)]
         frame = self._model.getFrameId(names[0]) if names and not fixed else 0
         self._from_world = self._data.oMf[frame].inverse()
-        jacobian = self._from_world.action @ pinocchio.computeJointJacobians(self._model, self._data, neutral)
+        columns = pinocchio.computeJointJacobians(self._model, self._data, neutral)
+        jacobian = self._from_world.action @ np.reshape(columns, (6, -1))  # a single column has no second axis
         self.hinges, self.name = {}, root
         for name, joint in list(zip(self._model.names, self._model.joints))[1 + len(base) :]:
             column = jacobian[:, joint.idx_v]
