@@ -22,9 +22,9 @@ from touchstone.scenarios.avatar.kinematics import piece_box
 from touchstone.scenarios.body_joints import WORLD
 from touchstone.scenarios.scenario import Body, BodyJoint, vector
 
-HOLD_FREQUENCY = 50.0
+HOLD_FREQUENCY = 20.0
 """Frequency of the servos that hold the start posture [rad/s]: under gravity, a load whose centre is r away
-turns by g / (r frequency^2), 0.4 degrees at r = 0.5 m."""
+turns by g / (r frequency^2), 2.8 degrees at r = 0.5 m."""
 SOLE = 0.01
 """Height above its lowest point up to which a robot stands on its links [m]."""
 DEPTH = 1e-4

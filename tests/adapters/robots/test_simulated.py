@@ -15,7 +15,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.oracles.robot_file import EQUAL, deviations, trees_of
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import installed, load
-from touchstone.adapters.robots.mechanism import Simulated
+from touchstone.adapters.robots.mechanism import HOLD_FREQUENCY, Simulated
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.robot_scene import Imported, imported
 from touchstone.adapters.robots.source import compiled
@@ -186,8 +186,8 @@ def test_hold_servos_carry_what_lies_beyond_the_ground(robot):
     """A hip carries the trunk and the other legs; its servo is critically damped, without a bound."""
     found = robot(QUADRUPED, hold=True)
     hip = found.scenario.body_joints[0]
-    assert hip.damping == pytest.approx(2 * hip.stiffness / 50 + 0.1)
-    moment = hip.stiffness / 50**2
+    assert hip.damping == pytest.approx(2 * hip.stiffness / HOLD_FREQUENCY + 0.1)
+    moment = hip.stiffness / HOLD_FREQUENCY**2
     trunk = 0.1 + 5 * 0.2**2
     legs = 0.007 + 0.5 * 0.2**2 + 2 * (0.007 + 0.5 * (0.4**2 + 0.2**2))
     assert moment == pytest.approx(trunk + legs)
