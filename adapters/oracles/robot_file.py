@@ -96,7 +96,7 @@ class UrdfTree(FileTree):
         frame = self._model.getFrameId(names[0]) if names and not fixed else 0
         self._from_world = self._data.oMf[frame].inverse()
         columns = pinocchio.computeJointJacobians(self._model, self._data, neutral)
-        jacobian = self._from_world.action @ np.reshape(columns, (6, -1))  # a single column has no second axis
+        jacobian = self._from_world.action @ np.reshape(columns, (6, -1))  # one column is flat
         self.hinges, self.name = {}, root
         for name, joint in list(zip(self._model.names, self._model.joints))[1 + len(base) :]:
             column = jacobian[:, joint.idx_v]
@@ -201,12 +201,11 @@ def trees_of(path: Path, source: Source, scenario: Scenario) -> list[FileTree]:
             raise RobotError(f"{path}: pinocchio cannot read it: {reason}") from error
     model = source.model
     standing = {body.name for body in scenario.bodies if body.kind == "fixed"}
-    found = []
+    mechanism, found = bool(scenario.body_joints), list[FileTree]()
     for root in map(int, np.unique(model.body_rootid[model.jnt_bodyid])):
-        mechanism = bool(scenario.body_joints)
-        free = FREE in [int(model.jnt_type[joint]) for joint in joints_of(model, root)]
-        fixed = mechanism and free and model.body(root).name in standing
-        found.append(MjcfTree(model, root, mechanism, fixed))
+        is_free = FREE in model.jnt_type[joints_of(model, root)]
+        is_held = mechanism and is_free and model.body(root).name in standing
+        found.append(MjcfTree(model, root, mechanism, is_held))
     return found
 
 

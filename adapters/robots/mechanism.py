@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
-import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
+from touchstone.adapters.robots.checks.posture import posture
 from touchstone.adapters.robots.driven import Parts, free_name
 from touchstone.adapters.robots.link_body import body_of
 from touchstone.adapters.robots.links import FREE, Link, TreeBuilder, combined, joints_of
@@ -70,7 +70,7 @@ def add_mechanism(
     links = builder.links
     still = on_world or (len(links) > 1 and (way.fixed_base or (not kinds and _stands(source))))
     tree = _posed(links, still)
-    bodies = []
+    bodies: list[Body] = []
     for k, link in enumerate(links):
         if k == 0 and on_world:
             continue
@@ -148,8 +148,9 @@ def _joint(
     axis = turn @ link.axis
     low, high = link.limits
     start = q + float(model.qpos0[model.jnt_qposadr[link.source]])
-    own = forces(model, link.source, start, drives.get(link.source, []), carried, HOLD_FREQUENCY)
-    return BodyJoint(**fields, axis=vector(axis / np.linalg.norm(axis)), lower=low - q, upper=high - q, **own)
+    fields |= forces(model, link.source, start, drives.get(link.source, []), carried, HOLD_FREQUENCY)
+    along = vector(axis / np.linalg.norm(axis))
+    return BodyJoint(**fields, axis=along, lower=low - q, upper=high - q)
 
 
 def _carried(tree: _Tree, bodies: list[Body]) -> list[float]:
@@ -180,12 +181,13 @@ def _carried(tree: _Tree, bodies: list[Body]) -> list[float]:
     return found
 
 
-def add_exclusions(model: Any, parts: Parts, notes: list[str]) -> None:
+def add_exclusions(maker: PieceMaker, parts: Parts, notes: list[str]) -> None:
     """Exclude the contacts of bodies that the model lets pass through each other, and of links of one robot
     that overlap at the start."""
+    model = maker.model
     joined = {frozenset((joint.parent, joint.child)) for joint in parts.body_joints}
     shaped = [body for body in parts.bodies if body.pieces]
-    depths, mixed = _overlaps(model, parts), 0
+    depths, mixed = _overlaps(maker, parts, joined), 0
     apart: set[frozenset[str]] = set()
     for one, other in combinations(shaped, 2):
         pair = frozenset((one.name, other.name))
@@ -214,16 +216,14 @@ def add_exclusions(model: Any, parts: Parts, notes: list[str]) -> None:
         notes.append(f"contacts: {mixed} pairs of bodies touch with all shapes; in the model, with some")
 
 
-def _overlaps(model: Any, parts: Parts) -> dict[tuple[str, str], float]:
+def _overlaps(maker: PieceMaker, parts: Parts, joined: set[frozenset[str]]) -> dict[tuple[str, str], float]:
     """Largest depth at the start [m] of the links of each robot that overlap and that no joint connects."""
-    data = mujoco.MjData(model)
+    qpos = maker.model.qpos0.copy()
     for joint, q in parts.start.items():
-        data.qpos[model.jnt_qposadr[joint]] += q
-    mujoco.mj_forward(model, data)
+        qpos[maker.model.jnt_qposadr[joint]] += q
     owner = {geom: name for name, (_, geoms) in parts.geoms.items() for geom in geoms}
-    joined = {frozenset((joint.parent, joint.child)) for joint in parts.body_joints}
     found: dict[tuple[str, str], float] = {}
-    for contact in data.contact:
+    for contact in posture(maker.model, maker, "the start", qpos).data.contact:
         names = [owner.get(int(geom), "") for geom in contact.geom]
         if contact.dist < -DEPTH and all(names) and parts.geoms[names[0]][0] == parts.geoms[names[1]][0]:
             pair = (min(names), max(names))

@@ -107,7 +107,7 @@ def _scene(source: Source, name: str, file: str, notes: list[str], simulated: Si
         else:
             add_mechanism(source, body, maker, drives, simulated, parts, notes)
     if simulated is not None:
-        add_exclusions(model, parts, notes)
+        add_exclusions(maker, parts, notes)
     if not parts.trackers and not any(body.kind == "simulated" for body in parts.bodies):
         raise RobotError("nothing in it can move")
     friction = friction_of(model, notes)
