@@ -232,8 +232,11 @@ class TreeBuilder:
             return
         if self._simulated:
             # the balls of a light body would count as massless
-            weight = self.links[last].mass.mass * SIMULATED_SHARE / (last - first)
-            self._shared(name, first, anchors, SIMULATED_SHARE if weight > LEAST_MASS else SHARE)
+            mass = self.links[last].mass.mass / (last - first)
+            heavy = mass * SIMULATED_SHARE > LEAST_MASS
+            self._shared(name, first, anchors, SIMULATED_SHARE if heavy else SHARE)
+            if self.links[first].mass.mass <= LEAST_MASS:
+                raise RobotError(f"body {name!r}: {mass:.2g} kg are too little for {len(anchors)} joints")
             return
         if np.abs(anchors - anchors[-1]).max() > SAME_POINT:
             self._notes.append(

@@ -60,10 +60,8 @@ def add_mechanism(
     notes: list[str],
 ) -> None:
     """Add what hangs on the world by one body as simulated bodies and the joints between them."""
-    model, kinds = (
-        source.model,
-        [int(source.model.jnt_type[joint]) for joint in joints_of(source.model, body)],
-    )
+    model = source.model
+    kinds = [int(model.jnt_type[joint]) for joint in joints_of(model, body)]
     on_world = bool(kinds) and FREE not in kinds
     builder = TreeBuilder(model, notes, simulated=True)
     builder.add_root(body, WORLD if on_world else None)

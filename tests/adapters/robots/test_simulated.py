@@ -228,6 +228,15 @@ def test_what_is_not_kept_is_named(robot, old, new, note):
     assert any(line.startswith(note) for line in robot(WALKER.replace(old, new)).notes)
 
 
+def test_a_body_too_light_for_its_joints_is_refused(robot):
+    """The links between several joints would count as massless."""
+    light = ARM.replace(
+        '<geom type="box" size="0.2 0.1 0.05"/>', '<geom type="box" size="0.2 0.1 0.05" mass="1e-12"/>'
+    )
+    with pytest.raises(RobotError, match=r"body 'cart': 1e-12 kg are too little for 2 joints"):
+        robot(light)
+
+
 @pytest.mark.slow
 def test_foreign_models_import_and_play(capsys):
     """At least 25 models of others equal their files and play ten seconds in reference and MuJoCo."""
