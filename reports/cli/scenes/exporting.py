@@ -85,7 +85,7 @@ def export(
     chosen = scenarios_for([scenario], allow_paths=allow_paths)[0]
     if chosen.body_joints and form in (ExportFormat.mjcf, ExportFormat.urdf):
         kept = "toml and json keep them"
-        stop(f"--format {form}: {chosen.name} has joints between bodies, which it lacks; {kept}", BAD_INPUT)
+        stop(f"--format {form}: joints between bodies ({chosen.name}) are not written; {kept}", BAD_INPUT)
     if form is ExportFormat.urdf:
         from touchstone.adapters.robots.export_urdf import urdf_files
 
