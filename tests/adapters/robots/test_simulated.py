@@ -111,7 +111,7 @@ def test_a_robot_moves_as_its_file_does_in_mujoco(robot, text):
 
     coarse, fine = error(1 / 1920, "EULER"), error(1 / 3840, "EULER")
     assert fine == pytest.approx(coarse / 2, rel=0.05)
-    assert error(1 / 3840, "RK4") < 1e-5
+    assert error(1 / 3840, "RK4") < 1e-7
 
 
 @pytest.mark.parametrize("text", [WALKER, ARM, QUADRUPED], ids=["free", "rail", "urdf"])
