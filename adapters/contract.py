@@ -302,7 +302,7 @@ class World(Protocol):
 
 class Engine(Protocol):
     """An engine. `profiles` maps each profile's name to its native step [s], as in the registry. One that has
-    joints between bodies sets `plays_body_joints`."""
+    joints between bodies and exclusions of contact sets `plays_body_joints`."""
 
     name: ClassVar[str]
     profiles: ClassVar[Mapping[str, float]]

@@ -95,7 +95,7 @@ def build(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[World
     """A world that simulates the effects of the plan only, its settings, and the plan.
 
     Raises AdapterError if two bodies start at the same place: engines resolve this arbitrarily; Unsupported
-    if the scene has joints between bodies, and the engine none.
+    if the scene has joints between bodies or exclusions of contact, and the engine none.
     """
     fault = coinciding(scenario)
     if fault:
@@ -103,6 +103,8 @@ def build(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[World
     name = getattr(engine, "name", "")
     if scenario.body_joints and not getattr(engine, "plays_body_joints", False):
         raise Unsupported(f"{name}: the adapter has no joints between bodies")
+    if scenario.contact_exclusions and not getattr(engine, "plays_body_joints", False):
+        raise Unsupported(f"{name}: the adapter has no exclusions of contact")
     applied, settings, plan = planned_for(name, scenario, settings)
     return engine.build(applied, settings), settings, plan
 

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.scenario import (
     ORIGIN,
     TRACKED,
-    UNMOVED,
     Body,
     Hull,
     Piece,
@@ -29,7 +28,7 @@ def coinciding(scenario: Scenario) -> str | None:
     """One-line message on two bodies that start at the same place; None if there are none.
 
     Contact separates all other overlaps. Ignored are driven and prescribed bodies, which trackers place, and
-    pairs of one joint, which do not touch.
+    pairs that may not touch.
     """
     bodies = scenario.bodies
     owner = [i for i, body in enumerate(bodies) if body.kind not in TRACKED for _ in body.pieces]
@@ -41,12 +40,11 @@ def coinciding(scenario: Scenario) -> str | None:
     for poses in frames:
         turn = Rotation.from_quat([pose.orientation for pose in poses], scalar_first=True)
         centers = turn.apply(centers) + [pose.position for pose in poses]
-    joined = [{joint.parent, joint.child} for joint in scenario.body_joints]
+    touching: set[tuple[int, int]] = set()
     for one, two in sorted(KDTree(centers).query_pairs(COINCIDENT)):
         a, b = sorted((owner[one], owner[two]))
-        if a == b or {bodies[a].kind, bodies[b].kind} <= {*UNMOVED}:
-            continue
-        if {bodies[a].name, bodies[b].name} in joined:
+        touching = touching or set(scenario.touching_pairs())
+        if (a, b) not in touching:
             continue
         place = ", ".join(f"{x:g}" for x in centers[one])
         return (

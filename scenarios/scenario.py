@@ -349,7 +349,8 @@ CHECKS: list[Callable[[Scenario], list[tuple[str, str]]]] = []
 @dataclass(frozen=True, slots=True, repr=False)
 class Scenario(ShortRepr):
     """Scene with its truth. Construction validates it: `ScenarioError` names every fault at once. Under
-    `HOLD_LAST` its trackers first hold their last good samples."""
+    `HOLD_LAST` its trackers first hold their last good samples. No two bodies of one group of
+    `contact_exclusions` touch each other."""
 
     name: str
     summary: str
@@ -369,6 +370,7 @@ class Scenario(ShortRepr):
     published: tuple[Published, ...] = ()
     limits: tuple[MetricLimit, ...] = ()
     body_joints: tuple[BodyJoint, ...] = ()
+    contact_exclusions: tuple[tuple[str, ...], ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -417,7 +419,7 @@ class Scenario(ShortRepr):
     def touching_pairs(self) -> Iterator[tuple[int, int]]:
         """Body pairs (a < b) that may touch: both have pieces and contact moves at least one. Links of one
         driven body may touch only with `self_collision` and if they are not adjacent, where links without
-        pieces are skipped. Bodies of one joint do not touch each other."""
+        pieces are skipped. Neither bodies of one joint touch each other nor those of one exclusion."""
         group = self.groups()
         above = {joint.child: joint.parent for joint in self.joints}
         bare = {body.name for body in self.bodies if not body.pieces}
@@ -427,6 +429,8 @@ class Scenario(ShortRepr):
                 parent = above[parent]
             adjacent.add(frozenset((child, parent)))
         joined = {frozenset((joint.parent, joint.child)) for joint in self.body_joints}
+        for excluded in self.contact_exclusions:
+            joined |= set(map(frozenset, combinations(excluded, 2)))
         for a, b in combinations(range(len(self.bodies)), 2):
             first, second = self.bodies[a], self.bodies[b]
             if not (first.pieces and second.pieces) or {first.kind, second.kind} <= {*UNMOVED}:

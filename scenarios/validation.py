@@ -81,10 +81,12 @@ def faults(scenario: Scenario) -> list[tuple[str, str]]:
 
     _check_numbers(scenario, report)
     _check_names(scenario, report)
+    joined = {name for joint in scenario.body_joints for name in (joint.parent, joint.child)}
     for i, body in enumerate(scenario.bodies):
-        _check_body(body, f"bodies[{i}]", report)
+        _check_body(body, f"bodies[{i}]", body.name in joined, report)
     _check_joints(scenario, report)
     check_body_joints(scenario, report)
+    _check_exclusions(scenario, report)
     for i, tracker in enumerate(scenario.trackers):
         check_tracker(scenario, tracker, f"trackers[{i}]", report)
     check_driving(scenario, report)
@@ -118,6 +120,20 @@ def _check_numbers(scenario: Scenario, report: Report) -> None:
             report(f"effects[{i}]", f"{effect!r} is named twice")
 
 
+def _check_exclusions(scenario: Scenario, report: Report) -> None:
+    """Report groups of bodies without contact that are no groups, or whose bodies follow trackers."""
+    valid = [body.name for body in scenario.bodies if body.kind not in TRACKED]
+    for i, names in enumerate(scenario.contact_exclusions):
+        if len(set(names)) < 2 or len(set(names)) < len(names):
+            report(f"contact_exclusions[{i}]", f"found {list(names)}, expected two different bodies or more")
+        for k, name in enumerate(names):
+            if name not in valid:
+                report(
+                    f"contact_exclusions[{i}][{k}]",
+                    f"found {name!r}, expected a simulated or fixed body: {', '.join(valid)}",
+                )
+
+
 def _check_names(scenario: Scenario, report: Report) -> None:
     groups: dict[str, tuple[Body | BodyJoint | Joint | Piece, ...]] = {
         "bodies": scenario.bodies,
@@ -144,7 +160,7 @@ def _check_names(scenario: Scenario, report: Report) -> None:
         report("bodies", "found none, expected at least one")
 
 
-def _check_body(body: Body, path: str, report: Report) -> None:
+def _check_body(body: Body, path: str, is_joined: bool, report: Report) -> None:
     if body.kind not in get_args(Kind):
         report(f"{path}.kind", f"unknown kind {body.kind!r}; valid: {', '.join(get_args(Kind))}")
     unit(body.orientation, f"{path}.orientation", report, 4)
@@ -160,7 +176,7 @@ def _check_body(body: Body, path: str, report: Report) -> None:
         if tuple(getattr(body, field)) != (IDENTITY if field == "orientation" else ORIGIN):
             given = "by its tracker" if body.kind in TRACKED else "by standing still"
             report(f"{path}.{field}", f"found {getattr(body, field)}, but a {body.kind} body has it {given}")
-    if body.kind != "driven" and not body.pieces:
+    if not body.pieces and body.kind != "driven" and not (body.kind == "simulated" and is_joined):
         report(f"{path}.pieces", "found none, expected at least one")
     for k, piece in enumerate(body.pieces):
         check_piece(piece, f"{path}.pieces[{k}]", report)

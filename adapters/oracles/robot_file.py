@@ -3,7 +3,7 @@
 URDF is read by pinocchio, which shares nothing with the importer; MJCF by MuJoCo, whose kinematics and masses
 are compared with the links that the importer builds. Everything is in the frame of the root link. A hinge is
 its axis w and moment v = p x w about the root's origin (Pluecker coordinates), since any point p of the axis
-describes it.
+describes it; a slider has w = 0, and its axis as v.
 """
 
 from __future__ import annotations
@@ -17,23 +17,28 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pinocchio
+from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.oracles.articulated import Articulated
+from touchstone.adapters.robots.link_body import BASE, BASE_NOTE
 from touchstone.adapters.robots.links import (
     BALL,
+    FREE,
     HINGE,
+    SLIDE,
     UNLIMITED,
     MassProperties,
     body_mass,
     combined,
+    joint_name,
     joints_of,
 )
 from touchstone.adapters.robots.robot_error import RobotError
-from touchstone.adapters.robots.robot_scene import BASE, BASE_END, BASE_NOTE, LEFT_OUT, Imported
+from touchstone.adapters.robots.robot_scene import BASE_END, LEFT_OUT, Imported
 from touchstone.adapters.robots.source import Source
-from touchstone.scenarios.avatar.kinematics import hinges, link_poses
-from touchstone.scenarios.scenario import Scenario, Tracker
+from touchstone.scenarios.avatar.kinematics import hinges, link_poses, matrix
+from touchstone.scenarios.scenario import BodyJoint, Scenario, Tracker
 
 EQUAL = 1e-9
 """Deviation up to which a scene has what the file says [1]: rounding of some thirty links."""
@@ -47,20 +52,29 @@ READERS = {"urdf": "pinocchio", "mjcf": "mujoco"}
 
 @dataclass(frozen=True, slots=True)
 class Hinge:
-    """Axis (3,), its moment about the root's origin (3,) [m], and limits [rad]."""
+    """Axis (3,), its moment about the root's origin (3,) [m], and limits [rad]; or a slider."""
 
     axis: Array
     moment: Array
     limits: tuple[float, float]
+    slides: bool = False
 
 
 class FileTree(ABC):
-    """Tree of a file that moves: driven by a tracker if it has hinges."""
+    """Tree of a file that moves: driven by a tracker if it has hinges, or a mechanism.
+
+    Attributes:
+        hinges: hinges, the three of a ball joint, and the sliders of a mechanism.
+        turned: joints that `whole` can move.
+        pose: position and axes of the root in the file's world, if it stands there.
+        several: whether a body has several joints.
+    """
 
     name: str
     hinges: dict[str, Hinge]
     turned: Collection[str]
-    """Hinges that `whole` can turn."""
+    pose: tuple[Array, Array] | None = None
+    several: bool = False
 
     @abstractmethod
     def whole(self, angles: Mapping[str, float]) -> MassProperties:
@@ -70,26 +84,30 @@ class FileTree(ABC):
 class UrdfTree(FileTree):
     """Tree of a URDF file, by pinocchio."""
 
-    def __init__(self, path: Path, root: str) -> None:
-        self._model = pinocchio.buildModelFromUrdf(str(path), pinocchio.JointModelFreeFlyer())
+    def __init__(self, path: Path, root: str, mechanism: bool = False, fixed: bool = False) -> None:
+        base = () if fixed else (pinocchio.JointModelFreeFlyer(),)
+        self._model = pinocchio.buildModelFromUrdf(str(path), *base)
+        self.pose = (np.zeros(3), np.eye(3)) if fixed else None
         self._data = self._model.createData()
         neutral = pinocchio.neutral(self._model)
         pinocchio.framesForwardKinematics(self._model, self._data, neutral)
         # a root that is fixed to a link called "world" has its own frame, as has one that turns on a base
         names = [name for name in (root, root.removesuffix(BASE_END)) if self._model.existFrame(name)]
-        frame = self._model.getFrameId(names[0]) if names else 0
+        frame = self._model.getFrameId(names[0]) if names and not fixed else 0
         self._from_world = self._data.oMf[frame].inverse()
-        jacobian = self._from_world.action @ pinocchio.computeJointJacobians(self._model, self._data, neutral)
+        columns = pinocchio.computeJointJacobians(self._model, self._data, neutral)
+        jacobian = self._from_world.action @ np.reshape(columns, (6, -1))  # one column is flat
         self.hinges, self.name = {}, root
-        for name, joint in list(zip(self._model.names, self._model.joints))[2:]:
+        for name, joint in list(zip(self._model.names, self._model.joints))[1 + len(base) :]:
             column = jacobian[:, joint.idx_v]
-            if not column[3:].any():
-                continue  # it slides
+            slides = not column[3:].any()
+            if slides and not mechanism:
+                continue
             limits = (-UNLIMITED, UNLIMITED)
             if joint.nq == 1:
                 bounds = self._model.lowerPositionLimit, self._model.upperPositionLimit
                 limits = (float(bounds[0][joint.idx_q]), float(bounds[1][joint.idx_q]))
-            self.hinges[name] = Hinge(column[3:].copy(), column[:3].copy(), limits)
+            self.hinges[name] = Hinge(column[3:].copy(), column[:3].copy(), limits, slides)
         self.turned = self.hinges
 
     def whole(self, angles: Mapping[str, float]) -> MassProperties:
@@ -107,29 +125,37 @@ class UrdfTree(FileTree):
 class MjcfTree(FileTree):
     """Tree of an MJCF model below one body of the world, by MuJoCo."""
 
-    def __init__(self, model: mujoco.MjModel, root: int) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, root: int, mechanism: bool = False, fixed: bool = False
+    ) -> None:
         self.name = model.body(root).name
         self._model, self._data = model, mujoco.MjData(model)
-        self._bodies = [body for body in range(model.nbody) if model.body_rootid[body] == root]
+        tree = [body for body in range(model.nbody) if model.body_rootid[body] == root]
+        # of a mechanism, what stands still has no mass
+        still = {0, int(model.body_weldid[root])} if fixed else {0} if mechanism else set()
+        self._bodies = [body for body in tree if int(model.body_weldid[body]) not in still]
+        self.several = any(int(model.body_jntnum[body]) > 1 for body in tree)
         mujoco.mj_kinematics(model, self._data)
         self._place = self._data.xpos[root].copy()
         self._turn = self._data.xmat[root].reshape(3, 3).copy()
+        own = [int(model.jnt_type[joint]) for joint in joints_of(model, root)]
+        self.pose = (self._place, self._turn) if mechanism and (fixed or FREE not in own) else None
         self.hinges = {}
         self._coordinate: dict[str, int] = {}
         for body in self._bodies:
             joints = joints_of(model, body)
-            if body == root and any(int(model.jnt_type[joint]) != HINGE for joint in joints):
+            if body == root and not mechanism and any(kind != HINGE for kind in own):
                 continue  # the pose of the root's tracker takes their place
             for joint in joints:
-                self._add(joint, model.joint(joint).name or f"joint_{joint}")
+                self._add(joint, joint_name(model, joint), mechanism)
         self.turned = self._coordinate
 
-    def _add(self, joint: int, name: str) -> None:
+    def _add(self, joint: int, name: str, mechanism: bool) -> None:
         model, data = self._model, self._data
         kind, limited = int(model.jnt_type[joint]), bool(model.jnt_limited[joint])
         low, high = model.jnt_range[joint].tolist() if limited else (-UNLIMITED, UNLIMITED)
-        if kind == HINGE:
-            start = float(model.qpos0[model.jnt_qposadr[joint]])
+        if kind == HINGE or (kind == SLIDE and mechanism):
+            start = float(model.qpos0[model.jnt_qposadr[joint]]) if limited else 0.0
             self._coordinate[name] = int(model.jnt_qposadr[joint])
             found = {name: (data.xaxis[joint], (low - start, high - start))}
         elif kind == BALL:
@@ -141,7 +167,10 @@ class MjcfTree(FileTree):
         for own, (axis, limits) in found.items():
             along = self._turn.T @ axis
             point = self._turn.T @ (data.xanchor[joint] - self._place)
-            self.hinges[own] = Hinge(along, np.cross(point, along), limits)
+            if kind == SLIDE:
+                self.hinges[own] = Hinge(np.zeros(3), along, limits, slides=True)
+            else:
+                self.hinges[own] = Hinge(along, np.cross(point, along), limits)
 
     def whole(self, angles: Mapping[str, float]) -> MassProperties:
         """Mass properties of all links."""
@@ -160,15 +189,24 @@ class MjcfTree(FileTree):
 def trees_of(path: Path, source: Source, scenario: Scenario) -> list[FileTree]:
     """Trees of a file that move, in its order; raises RobotError if its reader cannot read it."""
     if source.form == "urdf":
+        children = {joint.child for joint in scenario.body_joints}
         roots = [tracker.root for tracker in scenario.trackers]
-        roots += [body.name for body in scenario.bodies if body.kind == "simulated"]
+        free = [b.name for b in scenario.bodies if b.kind == "simulated" and b.name not in children]
         try:
-            return [UrdfTree(path, root) for root in roots]
+            if scenario.body_joints and not free:
+                return [UrdfTree(path, "", mechanism=True, fixed=True)]
+            return [UrdfTree(path, root, bool(scenario.body_joints)) for root in (*roots, *free)]
         except (ValueError, RuntimeError) as error:
             reason = str(error).strip().partition("\n")[0]
             raise RobotError(f"{path}: pinocchio cannot read it: {reason}") from error
     model = source.model
-    return [MjcfTree(model, int(root)) for root in np.unique(model.body_rootid[model.jnt_bodyid])]
+    standing = {body.name for body in scenario.bodies if body.kind == "fixed"}
+    mechanism, found = bool(scenario.body_joints), list[FileTree]()
+    for root in map(int, np.unique(model.body_rootid[model.jnt_bodyid])):
+        is_free = FREE in model.jnt_type[joints_of(model, root)]
+        is_held = mechanism and is_free and model.body(root).name in standing
+        found.append(MjcfTree(model, root, mechanism, is_held))
+    return found
 
 
 def deviations(found: Imported, trees: list[FileTree]) -> dict[str, float]:
@@ -177,11 +215,15 @@ def deviations(found: Imported, trees: list[FileTree]) -> dict[str, float]:
     scenario, off = found.scenario, dict.fromkeys(QUANTITIES, 0.0)
     driven = [tracker for tracker in scenario.trackers if not scenario.prescribes(tracker)]
     turning = [tree for tree in trees if tree.hinges]
-    free = {body.name: body for body in scenario.bodies if body.kind == "simulated"}
+    joined = {name for joint in scenario.body_joints for name in (joint.parent, joint.child)}
+    free = {b.name: b for b in scenario.bodies if b.kind == "simulated" and b.name not in joined}
     still = [tree for tree in trees if not tree.hinges and not _is_left_out(found, tree)]
-    if len(driven) != len(turning) or len(free) != len(still):
+    if len(free) != len(still) or (len(driven) != len(turning) and not joined):
         return dict.fromkeys(QUANTITIES, inf)
-    each = [_of_tree(found, tracker, tree) for tracker, tree in zip(driven, turning)]
+    if joined:
+        each = [_of_mechanism(found, tree) for tree in turning]
+    else:
+        each = [_of_tree(found, tracker, tree) for tracker, tree in zip(driven, turning)]
     for body, tree in zip(free.values(), still):
         own = MassProperties(body.mass, np.array(body.center_of_mass), np.array(body.inertia))
         each.append(_apart(own, _based(found, body.name, tree.whole({}))))
@@ -227,12 +269,17 @@ def _of_tree(found: Imported, tracker: Tracker, tree: FileTree) -> dict[str, flo
         for name, value in _apart(own, theirs).items():
             off[name] = max(off[name], value / (shared if k else 1.0))
         size = _size(theirs) if theirs.mass > 0 else 1.0
-    ours = _hinges(scenario, tracker)
+    return off | _hinges_apart(_hinges(scenario, tracker), tree, size)
+
+
+def _hinges_apart(ours: Mapping[str, Hinge], tree: FileTree, size: float) -> dict[str, float]:
+    """Deviations of axes and limits of a robot of a size [m]."""
+    off = {"axes": 0.0, "limits": 0.0}
     if ours.keys() != tree.hinges.keys():
-        return off | {"axes": inf, "limits": inf}
+        return {"axes": inf, "limits": inf}
     for name, hinge in ours.items():
         other = tree.hinges[name]
-        moment = float(np.abs(hinge.moment - other.moment).max()) / size
+        moment = float(np.abs(hinge.moment - other.moment).max()) / (1.0 if other.slides else size)
         off["axes"] = max(off["axes"], moment, float(np.abs(hinge.axis - other.axis).max()))
         # equal limits, such as the zeros of a URDF that states none, are no limits: the importer notes it
         low, high = other.limits if other.limits[0] < other.limits[1] else (-UNLIMITED, UNLIMITED)
@@ -253,4 +300,68 @@ def _hinges(scenario: Scenario, tracker: Tracker) -> dict[str, Hinge]:
     for joint, parent, child in hinges(scenario, tracker):
         axis = turn[parent, 0] @ np.array(joint.axis)
         found[joint.name] = Hinge(axis, np.cross(place[child, 0], axis), (joint.lower, joint.upper))
+    return found
+
+
+Motion = tuple[Array, Array]
+"""Rotation (3, 3) and translation (3,) of a body from its pose at the start, world."""
+
+
+def _of_mechanism(found: Imported, tree: FileTree) -> dict[str, float]:
+    """Deviations of simulated bodies that joints connect: those of a tree's joints, by their names."""
+    scenario, off = found.scenario, dict.fromkeys(QUANTITIES, 0.0)
+    names = {name.removesuffix(end) for name in tree.hinges for end in ("", "_x", "_y", "_z")}
+    joints = [joint for joint in scenario.body_joints if joint.name in names]
+    named = {body.name: body for body in scenario.bodies if body.kind == "simulated"}
+    bodies = {name: named[name] for j in joints for name in (j.parent, j.child) if name in named}
+    if not joints:
+        return dict.fromkeys(QUANTITIES, inf)
+    root = next((name for name in bodies if all(joint.child != name for joint in joints)), "")
+    place, turn = tree.pose or (np.array(bodies[root].position), matrix(bodies[root].orientation))
+    start = {name: float(np.clip(0.0, *hinge.limits)) for name, hinge in tree.hinges.items()}
+    rng, size = np.random.default_rng(0), 1.0
+    for k in range(POSTURES):
+        moved = {joint.name for joint in joints} & set(tree.turned)
+        given = {name: rng.uniform(-1, 1) if k else start[name] for name in sorted(moved)}
+        motions = _motions(joints, {name: q - start[name] for name, q in given.items()})
+        parts = []
+        for name, body in bodies.items():
+            own = MassProperties(body.mass, np.array(body.center_of_mass), np.array(body.inertia))
+            own = own.moved(np.array(body.position), matrix(body.orientation))
+            spin, way = motions.get(name, (np.eye(3), np.zeros(3)))
+            parts.append(own.moved(way, spin).moved(-turn.T @ place, turn.T))
+        theirs = _based(found, root, tree.whole(given))
+        for quantity, value in _apart(combined(parts), theirs).items():
+            off[quantity] = max(off[quantity], value * (EQUAL / SHARED if k and tree.several else 1.0))
+        size = _size(theirs) if theirs.mass > 0 else 1.0
+    neutral = _motions(joints, {name: -q for name, q in start.items()})
+    ours: dict[str, Hinge] = {}
+    for joint in joints:
+        spin, way = neutral.get(joint.parent, (np.eye(3), np.zeros(3)))
+        point = turn.T @ (spin @ joint.anchor + way - place)
+        axis, q = turn.T @ spin @ joint.axis, start.get(joint.name, 0.0)
+        limits = max(joint.lower + q, -UNLIMITED), min(joint.upper + q, UNLIMITED)
+        if joint.type == "ball":
+            for letter, along in zip("xyz", (turn.T @ matrix(bodies[joint.child].orientation)).T):
+                # a scene has no limits of ball joints, which a note says
+                free = tree.hinges[f"{joint.name}_{letter}"].limits
+                ours[f"{joint.name}_{letter}"] = Hinge(along, np.cross(point, along), free)
+        elif joint.type == "slider":
+            ours[joint.name] = Hinge(np.zeros(3), axis, limits, slides=True)
+        else:
+            ours[joint.name] = Hinge(axis, np.cross(point, axis), limits)
+    return off | _hinges_apart(ours, tree, size)
+
+
+def _motions(joints: list[BodyJoint], positions: Mapping[str, float]) -> dict[str, Motion]:
+    """Motion of each child of joints, parents first, at their positions; those without one stay at 0."""
+    found: dict[str, Motion] = {}
+    for joint in joints:
+        spin, way = found.get(joint.parent, (np.eye(3), np.zeros(3)))
+        q, axis, anchor = positions.get(joint.name, 0.0), np.array(joint.axis), np.array(joint.anchor)
+        if joint.type == "slider":
+            found[joint.child] = spin, way + spin @ axis * q
+        else:
+            own = Rotation.from_rotvec(axis * q).as_matrix()
+            found[joint.child] = spin @ own, way + spin @ (anchor - own @ anchor)
     return found

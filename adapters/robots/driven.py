@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.robots.links import Link
 from touchstone.adapters.robots.pieces import SLAB, quaternion
 from touchstone.scenarios.avatar.kinematics import link_poses, piece_box
-from touchstone.scenarios.scenario import Body, Box, Chain, Joint, Piece, Tracker, vector
+from touchstone.scenarios.scenario import Body, BodyJoint, Box, Chain, Joint, Piece, Tracker, Vector, vector
 from touchstone.scenarios.solids import slab
 
 DURATION = 1.0
@@ -32,12 +32,23 @@ CLEARANCE = 1e-3
 
 @dataclass(slots=True)
 class Parts:
-    """Parts of a scene under construction."""
+    """Parts of a scene under construction.
+
+    Attributes:
+        standing: names of the bodies of mechanisms on the world.
+        geoms: of a body the index of its tree's root in the model, 0 for the world, and its geoms there.
+        start: of the model's joints the coordinate at the start, from its reference [rad, m].
+    """
 
     bodies: list[Body] = field(default_factory=list)
     joints: list[Joint] = field(default_factory=list)
     trackers: list[Tracker] = field(default_factory=list)
     chains: list[Chain] = field(default_factory=list)
+    body_joints: list[BodyJoint] = field(default_factory=list)
+    contact_exclusions: list[tuple[str, ...]] = field(default_factory=list)
+    standing: set[str] = field(default_factory=set)
+    geoms: dict[str, tuple[int, list[int]]] = field(default_factory=dict)
+    start: dict[int, float] = field(default_factory=dict)
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
@@ -100,6 +111,8 @@ def _chains(links: list[Link], joints: list[str]) -> list[Chain]:
 def place_floor(parts: Parts, notes: list[str]) -> None:
     """Add a floor under what moves if there is none; raise what starts in the floor."""
     low = _lowest(parts)
+    if low is None:
+        return
     floors = [
         body.position[2] + piece.position[2] + SLAB[2]
         for body in parts.bodies
@@ -116,17 +129,27 @@ def place_floor(parts: Parts, notes: list[str]) -> None:
         rise = max(floors) - low + CLEARANCE
         notes.append(f"start: raised by {rise:.4g} m, since the model starts in its floor")
         for k, tracker in enumerate(parts.trackers):
-            raised = tuple((x, y, z + rise) for x, y, z in tracker.positions)
+            raised = tuple(_raised(place, rise) for place in tracker.positions)
             parts.trackers[k] = replace(tracker, positions=raised)
+        for k, body in enumerate(parts.bodies):
+            if body.kind == "simulated" and parts.body_joints and body.name not in parts.standing:
+                parts.bodies[k] = replace(body, position=_raised(body.position, rise))
+        for k, joint in enumerate(parts.body_joints):
+            if joint.child not in parts.standing:
+                parts.body_joints[k] = replace(joint, anchor=_raised(joint.anchor, rise))
+
+
+def _raised(place: Vector, rise: float) -> Vector:
+    return (place[0], place[1], place[2] + rise)
 
 
 def _is_slab(piece: Piece) -> bool:
     return piece.shape == Box(SLAB) and piece.orientation[0] > 1 - 1e-9
 
 
-def _lowest(parts: Parts) -> float:
-    """Height of the lowest point of what moves, at the start [m]."""
-    heights = [0.0] if not parts.trackers else []
+def _lowest(parts: Parts) -> float | None:
+    """Height of the lowest point of what moves, at the start [m]; None if only mechanisms on the world do."""
+    heights = [0.0] if not parts.trackers and not parts.body_joints else []
     by_name = {body.name: body for body in parts.bodies}
     for tracker in parts.trackers:
         scenario: Any = SimpleNamespace(joints=parts.joints)
@@ -137,7 +160,9 @@ def _lowest(parts: Parts) -> float:
         for k, name in enumerate(names):
             heights += [piece_box(piece, place[k, 0], turn[k, 0])[0][2] for piece in by_name[name].pieces]
     for body in parts.bodies:
-        if body.kind == "simulated":
+        if body.kind == "simulated" and body.name not in parts.standing:
             turned = Rotation.from_quat(body.orientation, scalar_first=True).as_matrix()
             heights += [piece_box(piece, np.array(body.position), turned)[0][2] for piece in body.pieces]
+    if not heights and parts.standing:
+        return None
     return float(min(heights, default=0.0))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from touchstone.adapters.robots.links import HINGE, UNLIMITED
+from touchstone.adapters.robots.links import BALL, FREE, HINGE, UNLIMITED
 from touchstone.adapters.robots.pieces import surface_velocity
 from touchstone.adapters.robots.source import Source
 
@@ -30,10 +30,13 @@ def friction_of(model: Any, notes: list[str]) -> float:
     return float(found[-1]) if found else 1.0
 
 
-def left_out(source: Source, kept: Collection[str]) -> list[str]:
-    """A line per kind of thing that is not in the scene; `kept`: names of its joints."""
-    model, notes = source.model, []
+def left_out(source: Source, kept: Collection[str] | None) -> list[str]:
+    """A line per kind of thing that is not in the scene; `kept`: names of the hinges of driven bodies, None
+    for a simulated robot, which keeps springs, damping, actuators and exclusions."""
+    model, notes, driven = source.model, [], kept is not None
     for section, text in SECTIONS.items():
+        if section == "actuator" and not driven:
+            continue
         several = [
             one for element in source.root.walk() if element.tag == section for one in element.children
         ]
@@ -50,25 +53,33 @@ def left_out(source: Source, kept: Collection[str]) -> list[str]:
     for coupled in (*equalities, *mimics):
         name = coupled.attributes.get("joint1") or coupled.attributes.get("name") or coupled.tag
         notes.append(f"left out: the coupling of joint {name!r}")
-    hinges = np.flatnonzero(model.jnt_type == HINGE)
+    hinges = np.flatnonzero(model.jnt_type == HINGE if driven else model.jnt_type != FREE)
     dofs = model.jnt_dofadr[hinges]
     counts = Counter(
         {
-            "springs": _count(model.jnt_stiffness[hinges]),
-            "damping": _count(model.dof_damping[dofs]),
+            "springs": _count(model.jnt_stiffness[hinges]) if driven else _unkept_springs(model),
+            "damping": _count(model.dof_damping[dofs]) if driven else _unkept_damping(model),
             "dry friction": _count(model.dof_frictionloss[dofs]),
             "rotor inertia (armature)": _count(model.dof_armature[dofs]),
         }
     )
-    notes += [f"left out: {what} of {count} hinges" for what, count in counts.items() if count]
+    of = "hinges" if driven else "joints"
+    notes += [f"left out: {what} of {count} {of}" for what, count in counts.items() if count]
+    if not driven and model.body_gravcomp.any():
+        notes.append(f"left out: compensation of gravity of {np.count_nonzero(model.body_gravcomp)} bodies")
+    if not driven and (model.opt.density or model.opt.viscosity):
+        notes.append("left out: the fluid that bodies move in")
     drawn = int(np.count_nonzero((model.geom_contype == 0) & (model.geom_conaffinity == 0)))
     if drawn:
         notes.append(f"left out: {drawn} geoms that are drawn and touch nothing")
     moving = np.flatnonzero(getattr(model, "geom_surfacevel", np.zeros((model.ngeom, 6))).any(axis=1))
     if dropped := [geom for geom in moving if not surface_velocity(model, int(geom)).any()]:
         notes.append(f"left out: moving surfaces of {len(dropped)} geoms whose bodies can move")
-    if model.npair or model.nexclude:
-        notes.append(f"left out: {model.npair} pairs and {model.nexclude} exclusions of contact")
+    if model.npair or (model.nexclude and driven):
+        and_exclusions = f" and {model.nexclude} exclusions" if driven else ""
+        notes.append(f"left out: {model.npair} pairs{and_exclusions} of contact")
+    if kept is None:
+        return notes
     unlimited = [
         int(joint) for joint in hinges if not model.jnt_limited[joint] and model.joint(joint).name in kept
     ]
@@ -79,6 +90,20 @@ def left_out(source: Source, kept: Collection[str]) -> list[str]:
             f"joints {names}{more}: without limits, or with equal ones; the scene has {UNLIMITED:g} rad"
         )
     return notes
+
+
+def _unkept_springs(model: Any) -> int:
+    """Springs of ball and free joints, and those whose force is not linear."""
+    several = (model.jnt_type == FREE) | (model.jnt_type == BALL)
+    bent = getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1))).any(axis=1)
+    return int(np.count_nonzero(bent | (several & model.jnt_stiffness.astype(bool))))
+
+
+def _unkept_damping(model: Any) -> int:
+    """Free joints with damping, and joints whose damping is not linear."""
+    bent = getattr(model, "dof_dampingpoly", np.zeros((model.nv, 1))).any(axis=1)
+    free = np.isin(model.dof_jntid, np.flatnonzero(model.jnt_type == FREE))
+    return len(set(model.dof_jntid[bent | (free & model.dof_damping.astype(bool))].tolist()))
 
 
 def _count(values: np.ndarray) -> int:

@@ -3,13 +3,14 @@ several hinges becomes as many.
 
 MuJoCo turns a body by its joints in order, each about an axis and an anchor in the body's frame; ours has one
 hinge per link, whose frame has its origin on the hinge. The mass of a body with several hinges is shared:
-balls about their common anchor, whose inertia no rotation changes, hang between them.
+balls about their common anchor, whose inertia no rotation changes, hang between them. Links of a driven body
+have hinges only; those of a simulated mechanism have sliders and ball joints too.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -17,10 +18,19 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.robots.robot_error import RobotError
+from touchstone.scenarios.scenario import UNBOUNDED
 
-HINGE, SLIDE, BALL = (int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("HINGE", "SLIDE", "BALL"))
+HINGE, SLIDE, BALL, FREE = (
+    int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("HINGE", "SLIDE", "BALL", "FREE")
+)
+KINDS: dict[int, Literal["hinge", "slider", "ball"]] = {HINGE: "hinge", SLIDE: "slider", BALL: "ball"}
+"""Types of joints between the links of a simulated mechanism."""
 SHARE, LEAST_SHARE = 0.1, 1e-4
 """Share of a body's mass in the balls between its hinges, and the least one that is tried [1]."""
+SIMULATED_SHARE = 1e-6
+"""The same of a simulated mechanism [1]: its motion is to differ less from the model's than engines do."""
+LEAST_MASS = 1e-12
+"""Mass [kg] up to which a link counts as massless: no engine divides by it."""
 SAME_POINT = 1e-9
 """Distance up to which hinges have a common anchor [m]."""
 UNLIMITED = 1000.0
@@ -75,7 +85,8 @@ class Link:
         parent: index of the parent link, -1 for the root of a tree.
         joint, place, turn, axis: name of the hinge; pose of the link's frame in the parent's at angle 0; axis
             in the parent's frame.
-        limits: of the hinge [rad].
+        limits: of the joint [rad, m].
+        kind, source: type of the joint, and its index in the model.
     """
 
     name: str
@@ -87,6 +98,19 @@ class Link:
     joint: str = ""
     axis: Array = field(default_factory=lambda: np.zeros(3))
     limits: tuple[float, float] = (0.0, 0.0)
+    kind: Literal["hinge", "slider", "ball"] = "hinge"
+    source: int = -1
+
+
+class Freedom(NamedTuple):
+    """Joint of a body: name, anchor and axis in the body's frame, limits [rad, m], type, index in model."""
+
+    name: str
+    anchor: Array
+    axis: Array
+    limits: tuple[float, float]
+    kind: Literal["hinge", "slider", "ball"]
+    source: int
 
 
 def body_mass(model: Any, body: int) -> MassProperties:
@@ -104,18 +128,26 @@ def joints_of(model: Any, body: int) -> range:
     return range(first, first + count)
 
 
-class TreeBuilder:
-    """Links of the tree below one body, parents first; `notes` names what cannot be kept."""
+def joint_name(model: Any, joint: int) -> str:
+    """Name of a joint, or one by its index."""
+    return model.joint(joint).name or f"joint_{joint}"
 
-    def __init__(self, model: Any, form: str, notes: list[str]) -> None:
-        self._model, self._form, self._notes = model, form, notes
+
+class TreeBuilder:
+    """Links of the tree below one body, parents first; `notes` names what cannot be kept.
+
+    `simulated`: links have all joints of the model, else hinges only, three of them in place of a ball joint.
+    """
+
+    def __init__(self, model: Any, notes: list[str], simulated: bool = False) -> None:
+        self._model, self._notes, self._simulated = model, notes, simulated
         self.links: list[Link] = []
 
-    def add_root(self, body: int, base: str = "") -> None:
-        """Root link from a body; `base`: name of a link without mass above it, which holds its hinges."""
+    def add_root(self, body: int, base: str | None = None) -> None:
+        """Root link from a body; `base`: name of a link without mass above it, which holds its joints."""
         model = self._model
         place, turn = model.body_pos[body].copy(), _matrix(model.body_quat[body])
-        if base:
+        if base is not None:
             self.links.append(Link(base, -1, NOTHING, place, turn))
             self._add_jointed(body, 0, np.zeros(3), np.eye(3))
             return
@@ -133,44 +165,47 @@ class TreeBuilder:
             if self._model.body_parentid[child] == body:
                 relative = self._model.body_pos[child], _matrix(self._model.body_quat[child])
                 inside = place + turn @ relative[0], turn @ relative[1]
-                if self._hinges(child):
+                if self._joints(child):
                     self._add_jointed(child, link, *inside)
                 else:
                     self._add_member(child, link, *inside)
 
-    def _hinges(self, body: int) -> list[tuple[str, Array, Array, tuple[float, float]]]:
-        """Hinges of a body: name, anchor and axis in the body's frame, limits."""
+    def _joints(self, body: int) -> list[Freedom]:
+        """Joints of a body that its links have."""
         model, found = self._model, []
+        unlimited = UNBOUNDED if self._simulated else UNLIMITED
         for joint in joints_of(model, body):
-            name, kind = model.joint(joint).name or f"joint_{joint}", int(model.jnt_type[joint])
-            limits = (-UNLIMITED, UNLIMITED)
-            if model.jnt_limited[joint]:
-                limits = tuple(model.jnt_range[joint].tolist())
-            if kind == HINGE:
+            name, kind = joint_name(model, joint), int(model.jnt_type[joint])
+            anchor, limited = model.jnt_pos[joint].copy(), bool(model.jnt_limited[joint])
+            low, high = model.jnt_range[joint].tolist() if limited else (-unlimited, unlimited)
+            if kind == HINGE or (kind == SLIDE and self._simulated):
                 start = float(model.qpos0[model.jnt_qposadr[joint]])
                 axis = model.jnt_axis[joint] / np.linalg.norm(model.jnt_axis[joint])
-                low, high = limits[0] - start, limits[1] - start
-                found.append((name, model.jnt_pos[joint].copy(), axis, (low, high)))
+                limits = (low - start, high - start) if limited else (low, high)
+                found.append(Freedom(name, anchor, axis, limits, KINDS[kind], joint))
+            elif kind == BALL and self._simulated:
+                bounds = -UNBOUNDED, UNBOUNDED
+                found.append(Freedom(name, anchor, np.array((0.0, 0.0, 1.0)), bounds, "ball", joint))
             elif kind == BALL:
-                most = limits[1] if model.jnt_limited[joint] else np.pi
+                most = high if limited else np.pi
                 for letter, axis in zip("xyz", np.eye(3)):
-                    found.append((f"{name}_{letter}", model.jnt_pos[joint].copy(), axis, (-most, most)))
+                    found.append(Freedom(f"{name}_{letter}", anchor, axis, (-most, most), "hinge", joint))
         return found
 
     def _add_jointed(self, body: int, parent: int, place: Array, turn: Array) -> None:
         """Links of a body with hinges; `place` and `turn` pose the body in the parent link's frame."""
         self._note_joints(body)
-        hinges = self._hinges(body)
+        joints = self._joints(body)
         name = self._model.body(body).name or f"body_{body}"
-        anchors = np.array([anchor for _, anchor, _, _ in hinges])
+        anchors = np.array([joint.anchor for joint in joints])
         first = len(self.links)
-        for k, (joint, anchor, axis, limits) in enumerate(hinges):
-            # The first hinge sits in the parent link; each further one in the link before.
+        for k, (joint, anchor, axis, limits, kind, source) in enumerate(joints):
+            # The first joint sits in the parent link; each further one in the link before.
             at = place + turn @ anchor if k == 0 else anchor - anchors[k - 1]
             rest, along = (turn, turn @ axis) if k == 0 else (np.eye(3), axis)
             above = parent if k == 0 else len(self.links) - 1
-            own = name if k == len(hinges) - 1 else f"{name}_{joint}"
-            self.links.append(Link(own, above, NOTHING, at, rest, [], joint, along, limits))
+            own = name if k == len(joints) - 1 else f"{name}_{joint}"
+            self.links.append(Link(own, above, NOTHING, at, rest, [], joint, along, limits, kind, source))
         last = len(self.links) - 1
         self._add_member(body, last, -anchors[-1], np.eye(3))
         self._share_mass(name, first, last, anchors)
@@ -178,8 +213,11 @@ class TreeBuilder:
     def _note_joints(self, body: int) -> None:
         model = self._model
         for joint in joints_of(model, body):
-            name, kind = model.joint(joint).name or f"joint_{joint}", int(model.jnt_type[joint])
-            if kind == SLIDE:
+            name, kind = joint_name(model, joint), int(model.jnt_type[joint])
+            if self._simulated:
+                if kind == BALL and model.jnt_limited[joint]:
+                    self._notes.append(f"left out: the limit of ball joint {name!r}")
+            elif kind == SLIDE:
                 self._notes.append(
                     f"joint {name!r} slides: it stays where it starts, since scenes have hinges only"
                 )
@@ -191,6 +229,14 @@ class TreeBuilder:
     def _share_mass(self, name: str, first: int, last: int, anchors: Array) -> None:
         """Give the links between several hinges balls of the body's mass."""
         if first == last:
+            return
+        if self._simulated:
+            # the balls of a light body would count as massless
+            mass = self.links[last].mass.mass / (last - first)
+            heavy = mass * SIMULATED_SHARE > LEAST_MASS
+            self._shared(name, first, anchors, SIMULATED_SHARE if heavy else SHARE)
+            if self.links[first].mass.mass <= LEAST_MASS:
+                raise RobotError(f"body {name!r}: {mass:.2g} kg are too little for {len(anchors)} joints")
             return
         if np.abs(anchors - anchors[-1]).max() > SAME_POINT:
             self._notes.append(
@@ -208,10 +254,10 @@ class TreeBuilder:
         last = first + count
         whole = self.links[last].mass
         if whole.mass <= 0:
-            raise RobotError(f"body {name!r}: has no mass, but {count + 1} hinges")
+            raise RobotError(f"body {name!r}: has no mass, but {count + 1} joints")
         about = whole.about(origin)
-        moment = float(np.linalg.eigvalsh(about)[0])
-        while share >= LEAST_SHARE:
+        moment, least = float(np.linalg.eigvalsh(about)[0]), min(share, LEAST_SHARE)
+        while share >= least:
             part, mass = share / count, whole.mass * (1 - share)
             ball = MassProperties(part * whole.mass, origin, part * moment * np.eye(3))
             placed = [replace(ball, center=anchor - anchors[-1]) for anchor in anchors[:-1]]
@@ -225,7 +271,7 @@ class TreeBuilder:
                     self.links[k].mass = ball
                 return
             share /= 2
-        raise RobotError(f"body {name!r}: its inertia is too flat to be shared among its {count + 1} hinges")
+        raise RobotError(f"body {name!r}: its inertia is too flat to be shared among its {count + 1} joints")
 
 
 def _matrix(quaternion: Array) -> Array:

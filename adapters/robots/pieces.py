@@ -42,6 +42,24 @@ def geoms_of(model: Any, body: int) -> list[int]:
     return [geom for geom in range(first, first + count) if collides(model, geom)]
 
 
+def may_touch(model: Any, a: int, b: int) -> bool:
+    """Whether two geoms of links that no joint connects are meant to collide."""
+    links = [int(model.body_weldid[model.geom_bodyid[geom]]) for geom in (a, b)]
+    above = [int(model.body_weldid[model.body_parentid[link]]) for link in links]
+    beside = links[0] == links[1] or links[0] == above[1] or links[1] == above[0]
+    return not beside and masks_allow(model, a, b)
+
+
+def masks_allow(model: Any, a: int, b: int) -> bool:
+    """Whether two geoms collide by their masks, and no exclusion names their bodies."""
+    # MuJoCo's signature of an excluded pair of bodies
+    pair = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
+    if (pair[0] << 16) + pair[1] in set(model.exclude_signature.tolist()):
+        return False
+    masks = model.geom_contype, model.geom_conaffinity
+    return bool(masks[0][a] & masks[1][b] or masks[0][b] & masks[1][a])
+
+
 def surface_velocity(model: Any, geom: int) -> Array:
     """Velocity [m/s] and angular velocity [rad/s] of the material of a geom's surface (6,), in its frame; 0
     if its body can move, as that of a scene may not."""

@@ -1,7 +1,9 @@
-"""Scene of a robot: driven bodies that trackers hold in their start posture, and the model's surroundings.
+"""Scene of a robot: driven bodies that trackers hold in their start posture, or simulated bodies that joints
+connect; and the model's surroundings.
 
 A tree of bodies becomes a driven body; one without hinges that can move, a simulated body; what stands
-still, a fixed one. Joints of a root are replaced by the tracker's pose. A model without a floor gets one.
+still, a fixed one. Joints of a driven root are replaced by the tracker's pose. A model without a floor gets
+one.
 """
 
 from __future__ import annotations
@@ -10,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import AdapterError
@@ -25,29 +26,21 @@ from touchstone.adapters.robots.driven import (
     place_floor,
 )
 from touchstone.adapters.robots.left_out import friction_of, left_out
-from touchstone.adapters.robots.links import (
-    HINGE,
-    Link,
-    MassProperties,
-    TreeBuilder,
-    combined,
-    joints_of,
-    world_pose,
-)
+from touchstone.adapters.robots.link_body import body_of
+from touchstone.adapters.robots.links import HINGE, TreeBuilder, joints_of, world_pose
+from touchstone.adapters.robots.mechanism import Simulated, add_exclusions, add_mechanism
+from touchstone.adapters.robots.motors import drives_of
 from touchstone.adapters.robots.pieces import PieceMaker, geoms_of, quaternion
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.source import Source, compiled
 from touchstone.scenarios.avatar.surface_motion import piece_moves
 from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario, ScenarioError, vector
 
-BASE = MassProperties(1.0, np.zeros(3), 0.4 * 0.1**2 * np.eye(3))
-"""Ball of 1 kg and 10 cm for a base that has no mass in the model."""
 BASE_END = "_base"
 """Ending of the name of a base on which a root turns."""
+SIMULATED_DURATION = 10.0
+"""Duration of the scene of a simulated robot [s]: time to stand or to fall and come to rest."""
 LEFT_OUT = "left out: body"
-BASE_NOTE = "has no mass; as the root it gets"
-LEAST = 1e-12
-"""Mass [kg] and moment [kg m^2] below which a link counts as massless: no engine divides by it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,23 +51,28 @@ class Imported:
     notes: tuple[str, ...]
 
 
-def imported(path: Path, name: str, allow_paths: bool = False) -> Imported:
+def imported(
+    path: Path, name: str, allow_paths: bool = False, simulated: Simulated | None = None
+) -> Imported:
     """Scene called `name` of a URDF or MJCF file.
 
     Args:
         allow_paths: whether files outside the robot's folder may be read.
+        simulated: how links become simulated bodies; None for driven ones.
     Raises:
         RobotError: the file is not valid, or holds what no scene can represent; a line per fault.
     """
     source = compiled(path, allow_paths)
     notes = [f"MuJoCo: {text}" for text in source.warned]
     try:
-        scenario = _scene(source, name, path.name, notes)
+        scenario = _scene(source, name, path.name, notes, simulated)
     except ScenarioError as error:
         lines = "\n".join(f"{path}: {where}: {text}" for where, text in error.faults)
         raise RobotError(lines) from error
     except RobotError as error:
         raise RobotError(f"{path}: {error}") from error
+    if simulated is not None:
+        return Imported(scenario, (*notes, *left_out(source, None)))
     try:
         planned(scenario, None)
     except AdapterError as error:
@@ -91,14 +89,25 @@ def imported(path: Path, name: str, allow_paths: bool = False) -> Imported:
     return Imported(scenario, (*notes, *left_out(source, kept)))
 
 
-def _scene(source: Source, name: str, file: str, notes: list[str]) -> Scenario:
+def _scene(source: Source, name: str, file: str, notes: list[str], simulated: Simulated | None) -> Scenario:
     model = source.model
     parts = Parts()
     maker = PieceMaker(model, notes)
+    drives = {} if simulated is None else drives_of(model, notes)
     _add_fixed(model, 0, "world", maker, parts)
     for body in range(1, model.nbody):
-        if model.body_parentid[body] == 0:
+        if model.body_parentid[body] != 0:
+            continue
+        tree = [other for other in range(model.nbody) if model.body_rootid[other] == body]
+        if source.form == "mjcf" and not any(len(joints_of(model, other)) for other in tree):
+            for other in tree:
+                _add_fixed(model, other, model.body(other).name or f"body_{other}", maker, parts)
+        elif simulated is None:
             _add_tree(source, body, maker, parts, notes)
+        else:
+            add_mechanism(source, body, maker, drives, simulated, parts, notes)
+    if simulated is not None:
+        add_exclusions(maker, parts, notes)
     if not parts.trackers and not any(body.kind == "simulated" for body in parts.bodies):
         raise RobotError("nothing in it can move")
     friction = friction_of(model, notes)
@@ -109,12 +118,14 @@ def _scene(source: Source, name: str, file: str, notes: list[str]) -> Scenario:
         summary=f"{file}, imported",
         tags=(),
         bodies=tuple(parts.bodies),
-        duration=DURATION,
+        duration=DURATION if simulated is None else SIMULATED_DURATION,
         coefficients=tuple(PairCoefficients(a, b, 0.0, friction) for a, b in pairs),
         joints=tuple(parts.joints),
         trackers=tuple(parts.trackers),
         chains=tuple(parts.chains),
         gravity=vector(model.opt.gravity),
+        body_joints=tuple(parts.body_joints),
+        contact_exclusions=tuple(parts.contact_exclusions),
     )
 
 
@@ -129,20 +140,17 @@ def _add_fixed(model: Any, body: int, name: str, maker: PieceMaker, parts: Parts
         if own:
             label = free_name(label, [other.name for other in parts.bodies])
             parts.bodies.append(Body(label, "fixed", "floor", named_once(own)))
+            kept = [geom for geom, piece in zip(geoms_of(model, body), pieces) if piece in own]
+            parts.geoms[label] = (0, kept)
 
 
 def _add_tree(source: Source, body: int, maker: PieceMaker, parts: Parts, notes: list[str]) -> None:
-    """What hangs on the world by one body: a driven body, a simulated one, or fixed ones."""
+    """What hangs on the world by one body: a driven body or a simulated one."""
     model = source.model
-    below = [other for other in range(model.nbody) if model.body_rootid[other] == body]
     own = [int(model.jnt_type[joint]) for joint in joints_of(model, body)]
-    if source.form == "mjcf" and not any(len(joints_of(model, other)) for other in below):
-        for other in below:
-            _add_fixed(model, other, model.body(other).name or f"body_{other}", maker, parts)
-        return
     # A root that only turns hangs on a base; any other joint of it gives way to the tracker's pose.
-    base = f"{model.body(body).name or 'root'}{BASE_END}" if own and set(own) == {HINGE} else ""
-    builder = TreeBuilder(model, source.form, notes)
+    base = f"{model.body(body).name or 'root'}{BASE_END}" if own and set(own) == {HINGE} else None
+    builder = TreeBuilder(model, notes)
     builder.add_root(body, base)
     if own and not base and any(kind != 0 for kind in own):
         names = ", ".join(repr(model.joint(joint).name) for joint in joints_of(model, body))
@@ -151,7 +159,7 @@ def _add_tree(source: Source, body: int, maker: PieceMaker, parts: Parts, notes:
     bodies: list[Body] = []
     for k, link in enumerate(links):
         link.name = free_name(link.name, [one.name for one in (*parts.bodies, *bodies)])
-        bodies.append(_body(link, maker, notes, is_root=k == 0))
+        bodies.append(body_of(link, maker, notes, is_root=k == 0))
     if len(links) > 1:
         parts.bodies += bodies
         add_hinges(links, parts)
@@ -164,22 +172,3 @@ def _add_tree(source: Source, body: int, maker: PieceMaker, parts: Parts, notes:
         "orientation": quaternion(Rotation.from_matrix(links[0].turn)),
     }
     parts.bodies.append(replace(bodies[0], kind="simulated", **pose))  # type: ignore[arg-type]
-
-
-def _body(link: Link, maker: PieceMaker, notes: list[str], is_root: bool) -> Body:
-    """Body of a link in the frame of its hinge."""
-    pieces = [
-        maker.piece(geom, member.place, member.turn)
-        for member in link.members
-        for geom in geoms_of(maker.model, member.body)
-    ]
-    whole = link.mass
-    if whole.mass <= LEAST or np.linalg.eigvalsh(whole.inertia)[0] <= LEAST**2:
-        if not is_root:
-            raise RobotError(f"body {link.name!r}: has no mass or no inertia, but a hinge")
-        notes.append(f"body {link.name!r}: {BASE_NOTE} {BASE.mass:g} kg")
-        whole = link.mass = combined([whole, BASE])
-    one, two, three = (vector(row) for row in whole.inertia)
-    return Body(
-        link.name, "driven", "robot", named_once(pieces), whole.mass, vector(whole.center), (one, two, three)
-    )

@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from touchstone.adapters.oracles.robot_file import EQUAL, READERS, deviations, trees_of
+from touchstone.adapters.robots.mechanism import Simulated
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.robot_scene import Imported, imported
 from touchstone.adapters.robots.source import compiled
@@ -53,22 +54,28 @@ def robots_below(folders: Iterable[Path]) -> dict[str, tuple[Path, str]]:
 
 
 def run(
-    robots: dict[str, tuple[Path, str]], out: Path, allow_paths: bool, progress: Progress
+    robots: dict[str, tuple[Path, str]],
+    out: Path,
+    allow_paths: bool,
+    simulated: Simulated | None,
+    progress: Progress,
 ) -> pd.DataFrame:
     """Check all robots; the folder appears complete or not at all."""
     rows: list[Row] = []
     with output_folder(out) as folder:
         for name, (path, form) in robots.items():
             progress(name, 1)
-            rows += rows_of_robot(name, path, form, allow_paths)
+            rows += rows_of_robot(name, path, form, allow_paths, simulated)
         return kept(rows, folder, {"study": STUDY})
 
 
-def rows_of_robot(name: str, path: Path, form: str, allow_paths: bool) -> list[Row]:
+def rows_of_robot(
+    name: str, path: Path, form: str, allow_paths: bool, simulated: Simulated | None = None
+) -> list[Row]:
     """A row per quantity with its deviation, or one with the reason why the file is refused."""
     base = Row(STUDY, name, READERS[form], form, nan, "run")
     try:
-        found = imported(path, "robot", allow_paths)
+        found = imported(path, "robot", allow_paths, simulated)
         off = checked(path, found, allow_paths)
     except RobotError as error:
         lines = FOLDERS.sub("", str(error).replace(f"{path.parent}/", "")).splitlines()
@@ -78,7 +85,7 @@ def rows_of_robot(name: str, path: Path, form: str, allow_paths: bool) -> list[R
         return [replace(base, verdict="error", reason=f"{type(error).__name__}: {error}".splitlines()[0])]
     mass = sum(body.mass for body in found.scenario.bodies if body.kind != "fixed")
     facts = (
-        ("hinges", len(found.scenario.joints), "1"),
+        ("joints", len(found.scenario.joints) + len(found.scenario.body_joints), "1"),
         ("mass", mass, "kg"),
         ("notes", len(found.notes), "1"),
     )
@@ -109,11 +116,11 @@ def verdict_line(form: str, off: dict[str, float]) -> str:
     )
 
 
-HEADS = ("robot", "result", "deviation", "hinges", "mass [kg]", "notes")
+HEADS = ("robot", "result", "deviation", "joints", "mass [kg]", "notes")
 RESULTS = {"skipped": "refused", "error": "error"}
 NOTES = (
     "deviation: the largest of mass, centre, inertia (start and two random postures), axes and limits of "
-    "hinges from the file, relative to the robot's mass, size or inertia; equal: at most 1e-9",
+    "joints from the file, relative to the robot's mass, size or inertia; equal: at most 1e-9",
     "notes: lines of `touchstone import` about what a scene does not keep",
 )
 
@@ -132,9 +139,9 @@ def report(frame: pd.DataFrame) -> list[Part]:
             off = {metric: row for metric, row in rows.items() if row.limit == row.limit}
             if any(row.verdict == "fail" for row in off.values()):
                 result = "differs"
-            hinges, mass, notes = (rows[f"robot{fact}"].value for fact in ("hinges", "mass", "notes"))
+            joints, mass, notes = (rows[f"robot{fact}"].value for fact in ("joints", "mass", "notes"))
             largest = max(row.value for row in off.values())
-            cells = [f"{largest:.0e}", f"{hinges:.0f}", f"{mass:.4g}", f"{notes:.0f}"]
+            cells = [f"{largest:.0e}", f"{joints:.0f}", f"{mass:.4g}", f"{notes:.0f}"]
             apart = [
                 f"{m.removeprefix('robot.')} by {r.value:.1e}" for m, r in off.items() if r.verdict == "fail"
             ]

@@ -67,7 +67,7 @@ def available_energy(scenario: Scenario, below: Mapping[int, float]) -> float:
     over the lowest of their points [J].
 
     Args:
-        below: distance of a body's lowest point below its centre, by body index [m].
+        below: distance of a body's lowest point below its centre, by body index; 0 without pieces [m].
     """
     g = np.array(scenario.acting_gravity)
     size = float(np.linalg.norm(g))
@@ -83,7 +83,7 @@ def available_energy(scenario: Scenario, below: Mapping[int, float]) -> float:
         heights[k] = -float(center @ g) / size if size else 0.0
     if size == 0 or not heights:
         return energy
-    bottom = min(height - below[k] for k, height in heights.items())
+    bottom = min(height - below.get(k, 0.0) for k, height in heights.items())
     return energy + sum(scenario.bodies[k].mass * size * (h - bottom) for k, h in heights.items())
 
 

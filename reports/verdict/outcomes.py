@@ -383,7 +383,7 @@ def lowest_points(scenario: Scenario) -> dict[int, float]:
     return {
         k: support(body.pieces[0].shape, body.orientation, unit)
         for k, body in enumerate(scenario.bodies)
-        if body.kind == "simulated"
+        if body.kind == "simulated" and body.pieces
     }
 
 

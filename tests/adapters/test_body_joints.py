@@ -16,8 +16,10 @@ from touchstone.adapters.scripts.process import written
 from touchstone.scenarios.body_joints import reversed_joint
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.families.literature import even
 from touchstone.scenarios.families.mechanisms import ACROSS, mechanism, rod
 from touchstone.scenarios.scenario import Body, BodyJoint, Hull, Piece, Scenario, Sphere, Tracker, vector
+from touchstone.scenarios.solids import ball, slab
 
 ENGINES = [name for name in ("mujoco", "dart", "bullet") if installed(name)]
 SMOOTH = ("double_pendulum", "spherical_pendulum", "slider_spring", "hinged_pair")
@@ -171,3 +173,23 @@ def test_no_script_is_written_of_joints() -> None:
     """Scripts in an engine's own API have no words for joints."""
     with pytest.raises(Unsupported, match="mujoco: no words for joints between bodies"):
         written(catalogue()["four_bar"], "mujoco", Settings("recommended", 1 / 480))
+
+
+@pytest.mark.parametrize("engine", ["reference", *ENGINES])
+@pytest.mark.parametrize("groups", [(("a", "b", "c"),), (("a", "c"), ("b", "c"))], ids=["a group", "pairs"])
+def test_excluded_bodies_pass_through_each_other(engine: str, groups: tuple[tuple[str, ...], ...]) -> None:
+    """A ball falls through those that a joint holds, onto the floor, which it was not excluded from."""
+    one, two = (ball(n, "steel", 0.1, 1.0, (x, 0.0, 0.5)) for n, x in (("a", 0.0), ("b", 0.25)))
+    third = ball("c", "steel", 0.1, 1.0, (0.1, 0.0, 0.75))
+    hinge = BodyJoint("h", "hinge", "a", "b", (0.12, 0.0, 0.5))
+    pin = BodyJoint("p", "fixed", "", "a", (0.0, 0.0, 0.5))
+    scenario = Scenario(
+        "s", "", (), (slab("floor", "steel"), one, two, third), 1.0, even("steel", mu=0.5),
+        body_joints=(pin, replace(hinge, axis=(0.0, 1.0, 0.0), stiffness=1e4, damping=100.0)),
+        contact_exclusions=groups,
+    )  # fmt: skip
+    profile, dt = ("balanced", 1 / 60) if engine == "reference" else ("recommended", 1 / 240)
+    fallen = record(load(engine), scenario, Settings(profile, dt)).position[-1, 3]
+    assert np.abs(fallen - (0.1, 0.0, 0.1)).max() < 0.01
+    held = record(load(engine), replace(scenario, contact_exclusions=()), Settings(profile, dt))
+    assert np.linalg.norm(held.position[:, 3] - held.position[:, 1], axis=1).min() > 0.19

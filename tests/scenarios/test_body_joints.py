@@ -201,3 +201,19 @@ def test_a_ladder_leaves_its_wall_where_the_wall_would_pull() -> None:
     assert (run.t[-1], half * cos(angle) * turning) == pytest.approx((time, speed), rel=1e-9)
     assert cos(angle) == pytest.approx(2 / 3 * cos(LEAN), rel=1e-9)
     assert scene.duration > time
+
+
+def test_excluded_bodies_do_not_touch() -> None:
+    """No two bodies of a group touch; wrong groups are named; without pieces a body needs a joint."""
+    balls = tuple(ball(name, "steel", 0.1, 1.0, (k * 0.15, 0.0, 0.0)) for k, name in enumerate("abc"))
+    scene = replace(catalogue()["hinged_pair"], bodies=balls, body_joints=(), truths=())
+    assert list(replace(scene, contact_exclusions=(("a", "c"),)).touching_pairs()) == [(0, 1), (1, 2)]
+    assert list(replace(scene, contact_exclusions=(("a", "b", "c"),)).touching_pairs()) == []
+    with pytest.raises(ScenarioError) as found:
+        replace(scene, contact_exclusions=(("a", "a"), ("a", "d")))
+    assert found.value.faults == [
+        ("contact_exclusions[0]", "found ['a', 'a'], expected two different bodies or more"),
+        ("contact_exclusions[1][1]", "found 'd', expected a simulated or fixed body: a, b, c"),
+    ]
+    with pytest.raises(ScenarioError, match=r"bodies\[0\].pieces: found none"):
+        replace(scene, bodies=(replace(balls[0], pieces=()), *balls[1:]))

@@ -29,6 +29,7 @@ from touchstone.adapters.contract import (
     contact_words,
 )
 from touchstone.adapters.engines.reference.compiling import compile_seconds, frame_of, nothing, small_world
+from touchstone.adapters.engines.reference.mechanisms import set_exclusions
 from touchstone.adapters.engines.reference.reference_world import Units, body_order, translate, units
 from touchstone.adapters.engines.reference.settings import PAPER, configure, describe
 from touchstone.adapters.registry import ENGINES
@@ -185,6 +186,9 @@ class _World:
         self._stages = np.zeros(len(counters.STAGES))
         prepare, self._step, self._cross = _entry_points(settings.profile)
         prepare(*self._world)
+        if arranged.contact_exclusions:
+            mechanisms = int(self._state["mechanisms"])
+            set_exclusions(arranged, self._world.bodies, self._world.pieces, mechanisms)
         if not self._world.drivers["has_free"][: len(scenario.trackers)].all():
             self._refuse_stuck()
 

@@ -3,6 +3,8 @@ their joints as further rows of joints."""
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -58,7 +60,8 @@ def with_mechanisms(
         _set_coordinates(rows[: len(free) + len(own)], driver, bodies, first, number)
         driver["loop_count"] = len(closing)
         for joint in own + closing:
-            _set_beside(bodies, index, joint)
+            if joint.parent:
+                _set_beside(bodies, index[joint.child], index[joint.parent], joint.child)
         all_joints.append(rows)
         all_drivers.append(driver)
         first += len(rows)
@@ -119,14 +122,36 @@ def _set_coordinates(
     driver["mass"] = driver["inverse_mass"] = driver["hinge_share"] = 1.0
 
 
-def _set_beside(bodies: np.ndarray, index: dict[str, int], joint: BodyJoint) -> None:
-    """Note that the two bodies of a joint do not collide."""
-    if not joint.parent:
-        return
-    for one, other in ((joint.child, joint.parent), (joint.parent, joint.child)):
-        places = bodies[index[one]]["beside"]
-        empty = np.flatnonzero(places < 0)
-        if len(empty):
-            places[empty[0]] = index[other]
-            return
-    raise Unsupported(f"reference: more than {len(places)} joints at {joint.child!r}")
+def _set_beside(bodies: np.ndarray, a: int, b: int, name: str) -> None:
+    """Note that two bodies do not collide, at the one with more places left."""
+    one, other = sorted((a, b), key=lambda k: int((bodies[k]["beside"] >= 0).sum()))
+    places = bodies[one]["beside"]
+    empty = np.flatnonzero(places < 0)
+    if not len(empty):
+        raise Unsupported(f"reference: more than {len(places)} joints and exclusions of contact at {name!r}")
+    places[empty[0]] = other
+
+
+def set_exclusions(scenario: Scenario, bodies: np.ndarray, pieces: np.ndarray, mechanisms: int) -> None:
+    """Exclude the contacts of `contact_exclusions`: bodies of a group that shares none with a larger one get
+    one filter group, other pairs a note at a body. `pieces` have their filter groups of `prepare`.
+
+    Raises:
+        Unsupported: too many pairs at a body, or a pair in a scene without joints between bodies.
+    """
+    index = {body.name: k for k, body in enumerate(scenario.bodies)}
+    joined = {frozenset((index.get(joint.parent, -1), index[joint.child])) for joint in scenario.body_joints}
+    simulated = [body.kind == "simulated" for body in scenario.bodies]
+    filtered: set[int] = set()
+    first = int(pieces["filter_group"].max(initial=0)) + 1
+    for number, names in enumerate(sorted(scenario.contact_exclusions, key=len, reverse=True)):
+        own = [index[name] for name in names]
+        if all(simulated[k] for k in own) and not filtered & set(own):
+            pieces["filter_group"][np.isin(pieces["body"], own)] = first + number
+            filtered |= set(own)
+            continue
+        for a, b in combinations(own, 2):
+            if scenario.bodies[a].pieces and scenario.bodies[b].pieces and {a, b} not in joined:
+                if not mechanisms:
+                    raise Unsupported("reference: no exclusion of contact in a scene without body_joints")
+                _set_beside(bodies, a, b, scenario.bodies[a].name)

@@ -72,17 +72,3 @@ def colliding(model: Any) -> list[int]:
     return [
         g for g in range(model.ngeom) if collides(model, g) and TYPE.get(int(model.geom_type[g])) in known
     ]
-
-
-def may_touch(model: Any, a: int, b: int) -> bool:
-    """Whether two geoms of links that no joint connects are meant to collide."""
-    links = [int(model.body_weldid[model.geom_bodyid[geom]]) for geom in (a, b)]
-    above = [int(model.body_weldid[model.body_parentid[link]]) for link in links]
-    if links[0] == links[1] or links[0] == above[1] or links[1] == above[0]:
-        return False
-    # MuJoCo's signature of an excluded pair of bodies
-    pair = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
-    if (pair[0] << 16) + pair[1] in set(model.exclude_signature.tolist()):
-        return False
-    masks = model.geom_contype, model.geom_conaffinity
-    return bool(masks[0][a] & masks[1][b] or masks[0][b] & masks[1][a])

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.adapters.oracles.overlap import coal_shape, signed_distance
 from touchstone.adapters.robots.checks.finding import Finding
-from touchstone.adapters.robots.checks.posture import Posture, colliding, may_touch, name_of
-from touchstone.adapters.robots.pieces import PieceMaker
+from touchstone.adapters.robots.checks.posture import Posture, colliding, name_of
+from touchstone.adapters.robots.pieces import PieceMaker, may_touch
 from touchstone.scenarios.avatar.kinematics import piece_box
 from touchstone.scenarios.scenario import Piece
 

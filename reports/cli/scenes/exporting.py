@@ -83,6 +83,9 @@ def export(
         _export_recording(Path(scenario), form, rows, out)
         return
     chosen = scenarios_for([scenario], allow_paths=allow_paths)[0]
+    if chosen.body_joints and form in (ExportFormat.mjcf, ExportFormat.urdf):
+        kept = "toml and json keep them"
+        stop(f"--format {form}: joints between bodies ({chosen.name}) are not written; {kept}", BAD_INPUT)
     if form is ExportFormat.urdf:
         from touchstone.adapters.robots.export_urdf import urdf_files
 

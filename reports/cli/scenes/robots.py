@@ -82,12 +82,19 @@ def import_robot(
         Path | None,
         typer.Option(help="File to write, .toml or .json (default: NAME.toml); with --check, a folder."),
     ] = None,
+    free: Annotated[
+        bool, typer.Option("--free", help="Simulated bodies with joints, under gravity; no tracker.")
+    ] = False,
+    fixed_base: Annotated[
+        bool, typer.Option("--fixed-base", help="With --free: the root stands still (URDF: by default free).")
+    ] = False,
+    hold: Annotated[bool, typer.Option("--hold", help="With --free: servos hold the start posture.")] = False,
     allow_paths: AllowPathsOption = False,
     force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
     output: FormatOption = Format.table,
     quiet: QuietOption = False,
 ) -> None:
-    """Write a robot as a scene, held in its start posture by a tracker; name what could not be kept.
+    """Write a robot as a scene, driven by a tracker or (--free) simulated; name what could not be kept.
 
     An independent reader of the file (pinocchio for URDF, MuJoCo for MJCF) confirms mass, centre, inertia,
     axes and limits.
@@ -96,17 +103,29 @@ def import_robot(
 
     if not installed("mujoco"):
         stop(f"import needs MuJoCo: {missing_reason('mujoco')}", ENGINE_MISSING)
+    if (fixed_base or hold) and not free:
+        stop("--fixed-base and --hold are options of --free", BAD_INPUT)
+    from touchstone.adapters.robots.mechanism import Simulated
+
+    simulated = Simulated(hold, fixed_base) if free else None
     if check:
         if robot is not None or name:
             stop("--check takes folders; leave out the robot's file and --as", BAD_INPUT)
-        _check(check, out or folder_of_now("import-"), allow_paths, output, quiet)
+        _check(check, out or folder_of_now("import-"), allow_paths, simulated, output, quiet)
     elif robot is None or not name:
         stop("expected a robot's file and --as NAME, or --check FOLDER", BAD_INPUT)
     else:
-        _import(robot, name, out or Path(f"{name}.toml"), allow_paths, force, quiet)
+        path = out or Path(f"{name}.toml")
+        if path.suffix not in (".toml", ".json"):
+            stop(f"--out {path}: expected a file .toml or .json", BAD_INPUT)
+        if path.exists() and not force:
+            stop(f"{path}: exists; write over it by --force", BAD_INPUT)
+        _import(robot, name, path, allow_paths, simulated, quiet)
 
 
-def _check(folders: list[Path], out: Path, allow_paths: bool, output: Format, quiet: bool) -> None:
+def _check(  # type: ignore[no-untyped-def]
+    folders: list[Path], out: Path, allow_paths: bool, simulated, output: Format, quiet: bool
+) -> None:
     require_judge()
     from touchstone.reports.studies.robots import SUFFIXES, report, robots_below, run
 
@@ -117,11 +136,13 @@ def _check(folders: list[Path], out: Path, allow_paths: bool, output: Format, qu
     if not robots:
         stop(f"--check: no robots ({', '.join(SUFFIXES)}) below {', '.join(map(str, folders))}", BAD_INPUT)
     with measuring(len(robots), quiet) as progress:
-        frame = run(robots, out, allow_paths, progress)
+        frame = run(robots, out, allow_paths, simulated, progress)
     ended(frame, report, out, output, quiet)
 
 
-def _import(robot: Path, name: str, path: Path, allow_paths: bool, force: bool, quiet: bool) -> None:
+def _import(  # type: ignore[no-untyped-def]
+    robot: Path, name: str, path: Path, allow_paths: bool, simulated, quiet: bool
+) -> None:
     from touchstone.adapters.robots.robot_error import RobotError
     from touchstone.adapters.robots.robot_scene import imported
     from touchstone.reports.metrics.oracles import judge_faults
@@ -130,12 +151,8 @@ def _import(robot: Path, name: str, path: Path, allow_paths: bool, force: bool, 
 
     if not NAME.fullmatch(name):
         stop(f"--as {name}: expected letters, digits and -_ .,+= after a letter", BAD_INPUT)
-    if path.suffix not in (".toml", ".json"):
-        stop(f"--out {path}: expected a file .toml or .json", BAD_INPUT)
-    if path.exists() and not force:
-        stop(f"{path}: exists; write over it by --force", BAD_INPUT)
     try:
-        found = imported(robot, name, allow_paths)
+        found = imported(robot, name, allow_paths, simulated)
     except RobotError as error:
         stop(str(error), BAD_INPUT)
     scenario = found.scenario
@@ -146,7 +163,8 @@ def _import(robot: Path, name: str, path: Path, allow_paths: bool, force: bool, 
         print(f"note: {line}", file=sys.stderr)
     pieces = sum(len(body.pieces) for body in scenario.bodies)
     mass = sum(body.mass for body in scenario.bodies if body.kind != "fixed")
-    counts = f"{len(scenario.bodies)} bodies, {len(scenario.joints)} hinges, {pieces} pieces"
+    joints = f"{len(scenario.body_joints)} joints" if simulated else f"{len(scenario.joints)} hinges"
+    counts = f"{len(scenario.bodies)} bodies, {joints}, {pieces} pieces"
     if not quiet:
         print(f"{path}: {counts}, {mass:.6g} kg")
     if faults := judge_faults():

@@ -235,7 +235,7 @@ def friction_coast(context: Context) -> Values:
     for body in context.simulated:
         pieces = context.scenario.bodies[body].pieces
         mine = (rows["body_a"] == body) | (rows["body_b"] == body)
-        if len(pieces) > 1 or not isinstance(pieces[0].shape, Box) or not (mine & by_hand).any():
+        if len(pieces) != 1 or not isinstance(pieces[0].shape, Box) or not (mine & by_hand).any():
             continue
         free = int(context.contact_frame[mine & by_hand].max()) + 1
         mu = np.unique(context.friction[mine & (context.contact_frame >= free)])

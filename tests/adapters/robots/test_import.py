@@ -15,9 +15,10 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.oracles.articulated import Articulated
 from touchstone.adapters.recorder import ready, record
 from touchstone.adapters.registry import ENGINES, installed, load
+from touchstone.adapters.robots.link_body import BASE
 from touchstone.adapters.robots.links import MassProperties, combined, world_pose
 from touchstone.adapters.robots.robot_error import RobotError
-from touchstone.adapters.robots.robot_scene import BASE, imported
+from touchstone.adapters.robots.robot_scene import imported
 from touchstone.adapters.robots.source import compiled
 from touchstone.scenarios.files.read import read_scene
 from touchstone.scenarios.files.write import scene_toml

@@ -94,3 +94,25 @@ def test_a_file_without_a_card_is_refused(touchstone, robots):
     """`--file` alone compares nothing."""
     code, _, err = touchstone("show", "ball_snip", "--file", "robots/a/arm.urdf")
     assert (code, "--file is compared by --model-card" in err) == (2, True), err
+
+
+def test_a_robot_is_written_as_simulated_bodies(touchstone, robots, tmp_path):
+    """`--free` writes joints instead of a tracker, equal to the file; its options need it; folders too."""
+    from touchstone.scenarios.files.read import read_scene
+
+    arm = ("import", "robots/a/arm.urdf", "--as", "arm")
+    for option in ("--hold", "--fixed-base"):
+        code, _, err = touchstone(*arm, option)
+        assert (code, err.strip()) == (2, "touchstone: --fixed-base and --hold are options of --free")
+    code, out, err = touchstone(*arm, "--free", "--hold")
+    assert (code, "3 bodies, 1 joints" in out, "as pinocchio reads them" in out) == (0, True, True), err
+    (joint,) = read_scene(tmp_path / "arm.toml").body_joints
+    assert (joint.parent, joint.child, joint.lower, joint.upper) == ("base", "upper", -1.0, 1.0)
+    assert joint.stiffness > 0
+    code, _, err = touchstone("export", "arm.toml", "--format", "mjcf")
+    assert (code, "joints between bodies (arm) are not written; toml and json keep" in err) == (2, True)
+    assert touchstone(*arm, "--free", "--fixed-base", "--force")[0] == 0
+    scene = read_scene(tmp_path / "arm.toml")
+    assert ([body.name for body in scene.bodies], scene.body_joints[0].parent) == (["upper"], "")
+    code, out, _ = touchstone("import", "--check", "robots", "--free", "--out", "found")
+    assert (code, "2 equal, 1 refused" in out) == (0, True)

@@ -1,0 +1,266 @@
+"""Robots as simulated bodies: they have what their file says, move as in MuJoCo, and stand on servos."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from foreign_models import models
+
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.oracles.robot_file import EQUAL, deviations, trees_of
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import installed, load
+from touchstone.adapters.robots.mechanism import HOLD_FREQUENCY, Simulated
+from touchstone.adapters.robots.robot_error import RobotError
+from touchstone.adapters.robots.robot_scene import Imported, imported
+from touchstone.adapters.robots.source import compiled
+from touchstone.scenarios.files.read import read_scene
+from touchstone.scenarios.files.write import scene_toml
+from touchstone.scenarios.scenario import UNBOUNDED, Scenario
+
+WALKER = """<mujoco><compiler angle="radian"/><worldbody>
+<body name="torso" pos="0 0 2" euler="0.3 0 0"><freejoint/><geom type="box" size="0.2 0.1 0.05"/>
+ <body name="thigh" pos="0.2 0 0"><geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.04"/>
+  <joint name="x" axis="1 0 0" stiffness="20" springref="0.4" damping="0.3"/>
+  <joint name="y" axis="0 1 0" stiffness="15" springref="-0.5"/>
+  <joint name="z" axis="0 0 1" damping="0.2"/>
+  <body name="shin" pos="0 0 -0.4"><geom type="capsule" fromto="0 0 0 0.1 0 -0.3" size="0.03"/>
+   <joint name="knee" axis="0 1 0" pos="0 0 0.02" ref="0.2"/></body></body>
+ <body name="slide" pos="-0.2 0 0.1"><geom type="box" size="0.1 0.05 0.05"/>
+  <joint name="s" type="slide" axis="1 0 1" stiffness="300" springref="0.05" damping="2"/>
+  <body name="tail" pos="-0.2 0 0"><geom type="capsule" fromto="0 0 0 -0.3 0 0.1" size="0.03"/>
+   <joint name="b" type="ball" damping="0.05"/></body></body>
+</body></worldbody>
+<actuator>
+ <position name="servo" joint="knee" kp="30" kv="1" gear="1.5" ctrlrange="0.1 1"/>
+</actuator></mujoco>"""
+ARM = """<mujoco><compiler angle="radian"/><worldbody><geom type="plane" size="1 1 1" pos="0 0 -5"/>
+<body name="cart" pos="0 0 1"><geom type="box" size="0.2 0.1 0.05"/>
+ <joint name="rail" type="slide" axis="1 0 0" limited="true" range="-0.3 0.5"/>
+ <joint name="roll" axis="1 0 0"/>
+ <body name="pole" pos="0 0 0.05"><geom type="capsule" fromto="0 0 0 0.2 0.1 0.6" size="0.03"/>
+  <joint name="tilt" axis="0 1 0" limited="true" range="0.3 0.4"/></body></body></worldbody></mujoco>"""
+ROBOT = """<robot name="r"><link name="trunk">
+  <inertial><mass value="5"/><inertia ixx="0.05" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+  <collision><geometry><box size="0.5 0.3 0.1"/></geometry></collision></link>{legs}</robot>"""
+LEG = """<link name="{n}"><inertial><origin xyz="0 0 -0.2"/><mass value="0.5"/>
+   <inertia ixx="0.007" ixy="0" ixz="0" iyy="0.007" iyz="0" izz="0.001"/></inertial>
+  <collision><origin xyz="0 0 -0.2"/><geometry><box size="0.06 0.06 0.4"/></geometry></collision></link>
+ <joint name="hip_{n}" type="revolute"><parent link="trunk"/><child link="{n}"/>
+  <origin xyz="{x} {y} 0"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="60" velocity="9"/>
+  <dynamics damping="0.1"/></joint>"""
+LEGS = "".join(LEG.format(n=f"l{k}", x=x, y=y) for k, (x, y) in enumerate(
+    [(0.2, 0.2), (0.2, -0.2), (-0.2, 0.2), (-0.2, -0.2)]
+))  # fmt: skip
+QUADRUPED = ROBOT.format(legs=LEGS)
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """Import a text as simulated bodies."""
+
+    def make(text: str, **how: bool) -> Imported:
+        path = tmp_path / ("r.urdf" if "<robot" in text else "r.xml")
+        path.write_text(text)
+        return imported(path, "robot", simulated=Simulated(**how))
+
+    return make
+
+
+def without_floor(scenario: Scenario, seconds: float) -> Scenario:
+    """The scene without its fixed bodies, for some time."""
+    kept = tuple(body for body in scenario.bodies if body.kind != "fixed")
+    return replace(scenario, bodies=kept, duration=seconds)
+
+
+def played_by_mujoco(text: str, dt: float, seconds: float, integrator: str, names: list[str]) -> np.ndarray:
+    """Origins of bodies at 60 frames per second, of the file itself."""
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.timestep = dt
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}")
+    data = mujoco.MjData(model)
+    frames = []
+    for _ in range(round(seconds * 60) + 1):
+        mujoco.mj_kinematics(model, data)
+        frames.append([data.body(name).xpos.copy() for name in names])
+        for _ in range(round(1 / 60 / dt)):
+            mujoco.mj_step(model, data)
+    return np.array(frames)
+
+
+@pytest.mark.parametrize(
+    "text", [WALKER, ARM.replace('limited="true"', 'limited="false"')], ids=["free", "rail"]
+)
+def test_a_robot_moves_as_its_file_does_in_mujoco(robot, text):
+    """Springs, dampers, servos, sliders, balls, several hinges of a body: equal to MuJoCo's own error, which
+    halves with its step; with its integrator of fourth order, to what lightens the links between hinges."""
+    seconds = 0.5
+    scenario = without_floor(robot(text).scenario, seconds)
+    names = ["torso", "thigh", "slide", "tail"] if text is WALKER else ["cart", "pole"]
+    seen = record(load("reference"), scenario, Settings("balanced", 1 / 60))
+    own = seen.position[:, [scenario.body_index(name) for name in names]]
+    assert np.abs(own[-1] - own[0]).max() > 0.03
+
+    def error(dt: float, integrator: str) -> float:
+        return float(np.abs(own - played_by_mujoco(text, dt, seconds, integrator, names)).max())
+
+    coarse, fine = error(1 / 1920, "EULER"), error(1 / 3840, "EULER")
+    assert fine == pytest.approx(coarse / 2, rel=0.05)
+    assert error(1 / 3840, "RK4") < 1e-7
+
+
+@pytest.mark.parametrize("text", [WALKER, ARM, QUADRUPED], ids=["free", "rail", "urdf"])
+@pytest.mark.parametrize("fixed_base", [False, True])
+def test_independent_readers_have_the_same_robot(robot, tmp_path, text, fixed_base):
+    """Mass, centre, inertia, axes and limits are the file's; what is written is read again, to the bit."""
+    found = robot(text, fixed_base=fixed_base)
+    path = next(tmp_path.glob("r.*"))
+    off = deviations(found, trees_of(path, compiled(path), found.scenario))
+    assert max(off.values()) <= EQUAL
+    (tmp_path / "again.toml").write_text(scene_toml(found.scenario, ""))
+    assert read_scene(tmp_path / "again.toml") == replace(found.scenario, name=found.scenario.name)
+
+
+def test_a_changed_joint_or_mass_is_found(robot, tmp_path):
+    """A limit, an anchor or a mass that differs from the file deviates in its quantity."""
+    found = robot(QUADRUPED)
+    path = tmp_path / "r.urdf"
+    joint, *joints = found.scenario.body_joints
+    for quantity, changed in (
+        ("limits", {"body_joints": (replace(joint, upper=joint.upper + 1e-6), *joints)}),
+        ("axes", {"body_joints": (replace(joint, anchor=(0.2, 0.2, 1e-6)), *joints)}),
+        ("mass", {"bodies": tuple(replace(b, mass=b.mass * (1 + 1e-6)) for b in found.scenario.bodies)}),
+    ):
+        other = replace(found, scenario=replace(found.scenario, **changed))
+        off = deviations(other, trees_of(path, compiled(path), other.scenario))
+        assert EQUAL < off[quantity] < 1
+
+
+def test_springs_and_servos_keep_their_forces(robot):
+    """Gear, gains, control range and reference become stiffness, damping and target; balls keep damping."""
+    joints = {joint.name: joint for joint in robot(WALKER).scenario.body_joints}
+    assert (joints["x"].stiffness, joints["x"].target, joints["x"].damping) == (20.0, 0.4, 0.3)
+    knee = joints["knee"]
+    # 1.5 (30 0.1 - 30 1.5 (0.2 + q) - 1.5 q')
+    assert (knee.stiffness, knee.damping) == pytest.approx((67.5, 2.25))
+    assert knee.target == pytest.approx((1.5 * 3 - 67.5 * 0.2) / 67.5)
+    assert (joints["b"].type, joints["b"].damping, joints["s"].type) == ("ball", 0.05, "slider")
+    assert {joint.largest_force for joint in joints.values()} == {UNBOUNDED}
+
+
+def test_a_start_beyond_a_limit_is_moved_to_it(robot):
+    """A joint whose range does not hold 0 starts at the limit next to it."""
+    tilt = robot(ARM).scenario.body_joints[-1]
+    assert (tilt.lower, tilt.upper) == pytest.approx((0.0, 0.1))
+    w, _, y, _ = next(body for body in robot(ARM).scenario.bodies if body.name == "pole").orientation
+    assert 2 * np.arctan2(y, w) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("engine", [name for name in ("reference", "mujoco") if installed(name)])
+def test_a_held_robot_stands_and_another_falls(robot, engine):
+    """On servos the trunk stays at its height for ten seconds; without them it falls to the floor."""
+    heights = {}
+    for hold in (True, False):
+        scenario = robot(QUADRUPED, hold=hold).scenario
+        if not hold:
+            # straight legs balance: a push
+            pushed = [
+                replace(body, linear_velocity=(0.5, 0.0, 0.0)) if body.kind == "simulated" else body
+                for body in scenario.bodies
+            ]
+            scenario = replace(scenario, bodies=tuple(pushed))
+        profile = "balanced" if engine == "reference" else "recommended"
+        seen = record(load(engine), scenario, Settings(profile, 1 / 60 if engine == "reference" else 1 / 240))
+        height = seen.position[:, scenario.body_index("trunk"), 2]
+        heights[hold] = float(height[-1] - height[0])
+    assert abs(heights[True]) < 0.005
+    assert heights[False] < -0.1
+
+
+def test_hold_servos_carry_what_lies_beyond_the_ground(robot):
+    """A hip carries the trunk and the other legs; its servo is critically damped, without a bound."""
+    found = robot(QUADRUPED, hold=True)
+    hip = found.scenario.body_joints[0]
+    assert hip.damping == pytest.approx(2 * hip.stiffness / HOLD_FREQUENCY + 0.1)
+    moment = hip.stiffness / HOLD_FREQUENCY**2
+    trunk = 0.1 + 5 * 0.2**2
+    legs = 0.007 + 0.5 * 0.2**2 + 2 * (0.007 + 0.5 * (0.4**2 + 0.2**2))
+    assert moment == pytest.approx(trunk + legs)
+    assert hip.largest_force == UNBOUNDED
+    assert "hold: servos take the place of motors, and no effort bounds them" in found.notes
+
+
+def test_what_passes_through_is_excluded(robot):
+    """Masks and overlaps at the start become exclusions of contact."""
+    masked = WALKER.replace("<geom ", '<geom contype="1" conaffinity="0" ')
+    (group,) = robot(masked).scenario.contact_exclusions
+    assert set(group) == {"torso", "thigh", "shin", "slide", "tail"}
+    deep = WALKER.replace('fromto="0 0 0 -0.3 0 0.1"', 'fromto="0 0 0 0.4 0 -0.1"')
+    found = robot(deep)
+    assert ("torso", "tail") in found.scenario.contact_exclusions
+    assert any(
+        re.match(r"contacts: links that overlap at the start .*'tail' and 'torso' by", n) for n in found.notes
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "note"),
+    [
+        ('stiffness="15"', 'armature="0.1"', "left out: rotor inertia (armature) of 1 joints"),
+        ('damping="0.05"', 'range="0 0.5" limited="true"', "left out: the limit of ball joint 'b'"),
+        ('<position name="servo" joint="knee" kp="30" kv="1" gear="1.5" ctrlrange="0.1 1"/>',
+         '<motor joint="knee"/>', "actuators: 1 motors exert nothing, since controls are 0"),
+        ('ctrlrange="0.1 1"', 'forcerange="-2 5"', "actuator 'servo': its force is at most 7.5 both ways"),
+        ('kp="30" kv="1" gear="1.5" ctrlrange="0.1 1"', 'kp="-30"',
+         "left out: actuator 'servo': its force grows with position or speed"),
+        ("<position", '<general joint="knee" gaintype="affine" gainprm="1 1"/><position',
+         "left out: actuator '0': its force is no spring"),
+    ],
+)  # fmt: skip
+def test_what_is_not_kept_is_named(robot, old, new, note):
+    """A note for each kind of thing that no joint of a scene has."""
+    assert old in WALKER
+    assert any(line.startswith(note) for line in robot(WALKER.replace(old, new)).notes)
+
+
+def test_a_body_too_light_for_its_joints_is_refused(robot):
+    """The links between several joints would count as massless."""
+    light = ARM.replace(
+        '<geom type="box" size="0.2 0.1 0.05"/>', '<geom type="box" size="0.2 0.1 0.05" mass="1e-12"/>'
+    )
+    with pytest.raises(RobotError, match=r"body 'cart': 1e-12 kg are too little for 2 joints"):
+        robot(light)
+
+
+@pytest.mark.slow
+def test_foreign_models_import_and_play(capsys):
+    """At least 25 models of others equal their files and play ten seconds in reference and MuJoCo."""
+    paths: list[Path] = models()
+    if len(paths) < 30:
+        pytest.skip("pip install -e '.[models]' for models of gymnasium, dm_control and example-robot-data")
+    played, ended = [], []
+    for path in paths:
+        try:
+            found = imported(path, "robot", allow_paths=True, simulated=Simulated())
+        except RobotError as error:
+            ended.append(f"refused: {str(error).splitlines()[0]}")
+            continue
+        off = deviations(found, trees_of(path, compiled(path, True), found.scenario))
+        assert max(off.values()) <= EQUAL, path
+        for engine, settings in (
+            ("reference", Settings("balanced", 1 / 60)),
+            ("mujoco", Settings("recommended", 1 / 240)),
+        ):
+            seen = record(load(engine), found.scenario, settings)
+            if seen.ended:
+                ended.append(f"{path.name} {engine}: {seen.ended}")
+        played.append(path.name)
+    with capsys.disabled():
+        print(f"\n{len(played)} of {len(paths)} play:", *ended, sep="\n  ")
+    assert len(played) >= 25
+    assert all(line.startswith("refused") for line in ended)
