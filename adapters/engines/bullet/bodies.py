@@ -10,7 +10,7 @@ import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import BodyFacts, Settings
+from touchstone.adapters.contract import BodyFacts, Settings, Unsupported
 from touchstone.adapters.engines.bullet import tables
 from touchstone.adapters.engines.bullet.joints import Motors, Tree, start, trees
 from touchstone.adapters.engines.bullet.tables import (
@@ -45,6 +45,10 @@ from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 INERTIA_TOLERANCE = 1e-12
 """Relative tolerance between a body's inertia and that of its shape: rounding."""
+MOST_LINKS = 100
+"""Most links of a multibody: pybullet makes no more than 128 degrees of freedom and links."""
+MOST_PARTS = 16
+"""Most shapes of a compound: pybullet silently leaves out all others."""
 PRIMITIVES = {
     Sphere: pybullet.GEOM_SPHERE,
     Box: pybullet.GEOM_BOX,
@@ -164,9 +168,26 @@ class Bodies:
         self, bodies: Links, links: list[Link], position: Sequence[float], wxyz: Sequence[float]
     ) -> int:
         """Create a multibody: base = first body, or nothing if each body has a link; then `links`, and links
-        for further hulls."""
-        based = len(bodies) - len(links)
+        for further shapes. A fixed body of more shapes is as many multibodies."""
         shapes = [self._add_shapes(body) for body in bodies]
+        if sum(map(len, shapes)) <= MOST_LINKS:
+            return self._assemble(bodies, links, shapes, position, wxyz)
+        root, own = self._scenario.bodies[bodies[0]], shapes[0]
+        if root.kind != "fixed" or bodies[0] in self._weightless:
+            raise Unsupported(f"bullet: {root.name!r} has more than {MOST_LINKS} shapes")
+        first, *_ = (self._assemble(bodies, links, [[shape]], position, wxyz) for shape in own)
+        return first
+
+    def _assemble(
+        self,
+        bodies: Links,
+        links: list[Link],
+        shapes: list[list[int]],
+        position: Sequence[float],
+        wxyz: Sequence[float],
+    ) -> int:
+        """Create a multibody of bodies with these shapes."""
+        based = len(bodies) - len(links)
         parts = [self._part(body, shape[0]) for body, shape in zip(bodies, shapes)]
         base, *parts = parts if based else [Part(0.0, NO_SHAPE), *parts]
         parts = [part._replace(**link) for part, link in zip(parts, links)]
@@ -230,14 +251,14 @@ class Bodies:
         return Part(0.0 if weightless else own.mass, shape, center, tuple(self.axes[body]))
 
     def _add_shapes(self, body: int) -> list[int]:
-        """Create Bullet's shapes of a body: one compound of its primitives, and one shape per hull."""
+        """Create Bullet's shapes of a body: compounds of its primitives, and one shape per hull."""
         origin = self.origin[body]
         pieces = [
             replace(piece, position=vector(piece.position - origin))
             for piece in self._scenario.bodies[body].pieces
         ]
         plain = [piece for piece in pieces if not isinstance(piece.shape, Hull)]
-        shapes = [self._add_primitives(plain)] if plain else []
+        shapes = [self._add_primitives(plain[k : k + MOST_PARTS]) for k in range(0, len(plain), MOST_PARTS)]
         shapes += [self._add_hull(p, p.shape) for p in pieces if isinstance(p.shape, Hull)]
         return shapes or [NO_SHAPE]
 
@@ -295,7 +316,7 @@ def _is_plain(body: Body) -> bool:
         return False
     hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
     if body.kind == "fixed":
-        return hulls == 0 or len(body.pieces) == 1
+        return (hulls == 0 and len(body.pieces) <= MOST_PARTS) or len(body.pieces) == 1
     piece = body.pieces[0]
     centred = (piece.position, piece.orientation, body.center_of_mass) == (ORIGIN, IDENTITY, ORIGIN)
     if len(body.pieces) > 1 or not centred:
