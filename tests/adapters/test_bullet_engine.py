@@ -235,8 +235,8 @@ def test_hull_corners_are_ours():
 @pytest.mark.parametrize("profile", ["recommended", "maximal"])
 @pytest.mark.parametrize(("shape", "count"), [(s.Box((0.05, 0.05, 0.05)), 20), (CUBE, 110)])
 def test_fixed_bodies_have_all_their_pieces(shape, count, profile):
-    """A ball rests on the last of many pieces: Bullet leaves out the shapes of a compound beyond 16, and makes
-    no multibody of so many links."""
+    """A ball rests on the last of many pieces: Bullet drops the shapes of a compound beyond 16, and makes no
+    multibody of so many links."""
     places = [(0.2 * k, 0.0, -0.05) for k in range(count)]
     row = s.Body("row", "fixed", "a", tuple(s.Piece(f"p{k}", shape, at) for k, at in enumerate(places)))
     ball = mover(s.Sphere(0.05), position=(places[-1][0], 0.0, 0.05))
