@@ -47,14 +47,14 @@ def align_internal_edges(bodies, pieces, vertices, pairs, count, state):
                 continue
             side = _shared_side(bodies, pairs[k], pairs[j])
             if side != 0:
-                x, y, z = times(side, vector_of(pairs[j]["normal"]))
-                if _align(bodies, pieces, vertices, pairs[k], x, y, z, speed, seam, state):
+                n = times(side, vector_of(pairs[j]["normal"]))
+                if _align(bodies, pieces, vertices, pairs[k], n, speed, seam, state):
                     approaches = False
                     break
         one, two = pieces[pairs[k]["piece_a"]], pieces[pairs[k]["piece_b"]]
         if approaches and has_faces(one) and has_faces(two):
-            x, y, z = _later_normal(one, two, vertices, pairs[k], state)
-            _align(bodies, pieces, vertices, pairs[k], x, y, z, STEEP * speed, False, state)
+            n = _later_normal(one, two, vertices, pairs[k], state)
+            _align(bodies, pieces, vertices, pairs[k], n, STEEP * speed, False, state)
 
 
 @kernel
@@ -83,14 +83,14 @@ def _shared_side(bodies, pair, other):
 
 
 @kernel
-def _align(bodies, pieces, vertices, pair, x, y, z, speed, seam, state):
-    """Take the normal (x, y, z) if the pair's pieces are apart along it and, unless a `seam` is between them,
+def _align(bodies, pieces, vertices, pair, n, speed, seam, state):
+    """Take the normal n if the pair's pieces are apart along it and, unless a `seam` is between them,
     approach more slowly than at `speed`; returns whether they are."""
-    along = witness_approach(bodies, pair, (x, y, z), state)
+    along = witness_approach(bodies, pair, n, state)
     if along >= speed and not seam:
         return False
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
-    gap = gap_along(one, two, vertices, x, y, z, state)
+    gap = gap_along(one, two, vertices, n[0], n[1], n[2], state)
     if gap < -OVERLAP_TOLERANCE:
         return False
     pair["key"] = along
@@ -98,10 +98,9 @@ def _align(bodies, pieces, vertices, pair, x, y, z, speed, seam, state):
         pair["distance"] = gap
     for i in range(3):
         middle = (pair["point_a"][i] + pair["point_b"][i]) / 2
-        m = x if i == 0 else (y if i == 1 else z)
-        pair["normal"][i] = m
-        pair["point_a"][i] = middle - m * gap / 2
-        pair["point_b"][i] = middle + m * gap / 2
+        pair["normal"][i] = n[i]
+        pair["point_a"][i] = middle - n[i] * gap / 2
+        pair["point_b"][i] = middle + n[i] * gap / 2
     return True
 
 
