@@ -28,7 +28,6 @@ from touchstone.reference_impl.core.conventions import (
     GUARD_UNVISITED,
     JOINT_FREE,
     SIMULATED,
-    UNBOUNDED,
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.solver.islands import (
@@ -231,7 +230,7 @@ def _hold(island, joints, driver):
         in_loop = k >= driver["first_joint"] + driver["joint_count"]
         if in_loop and joint["stiffness"] != 0:
             island["driven"] = 1
-        if joint["width"] == 1 and (joint["target_rate"] != 0 or joint["largest_force"] < UNBOUNDED):
+        if joint["width"] == 1 and joint["target_rate"] != 0:
             island["driven"] = 1
 
 

@@ -306,12 +306,18 @@ def take_gains(bodies, joints, driver):
 
 @kernel
 def spring_energy(joints, driver):
-    """Energy in the springs of a mechanism's joints [J]."""
+    """Energy in the springs of a mechanism's joints [J], whose force is at most the largest one of the joint.
+
+    A damper that the bound cuts short takes energy from it too: the sum of both forces, less that of the
+    spring alone, opposes the rate.
+    """
     total = 0.0
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        if joints[k]["width"] == 1:
-            x = driver["positions"][joints[k]["place"]] - joints[k]["target"]
-            total += joints[k]["stiffness"] * x * x / 2
+        stiffness, most = joints[k]["stiffness"], joints[k]["largest_force"]
+        if joints[k]["width"] == 1 and stiffness > 0:
+            x = abs(driver["positions"][joints[k]["place"]] - joints[k]["target"])
+            bent = min(x, most / stiffness)
+            total += stiffness * bent * bent / 2 + most * (x - bent)
     return total
 
 

@@ -311,6 +311,17 @@ def test_what_is_too_stiff_for_explicit_steps_stays_where_it_is(stiffness: float
     assert np.abs(motion.position[:, 0, 2]).max() < 1e-6
 
 
+def test_a_bound_that_is_never_reached_changes_nothing() -> None:
+    """A trunk on a stiff ankle rocks on its foot: with and without a largest force it ends at the same place."""
+    foot = rod("foot", (0.0, 0.0, 0.02), (0.15, 0.1, 0.02), mass=0.2)
+    trunk = rod("trunk", (0.05, 0.0, 0.4), (0.1, 0.1, 0.1), mass=5.0)
+    ankle = BodyJoint("ankle", "hinge", "foot", "trunk", (0.0, 0.0, 0.04), Y)
+    servo = replace(ankle, stiffness=2000.0, damping=80.0)
+    bounded = replace(servo, largest_force=60.0)
+    ends = [play(scene([FLOOR, foot, trunk], [one], 1.0)).position[-1, 2] for one in (servo, bounded)]
+    assert np.linalg.norm(ends[0] - ends[1]) < 2e-5
+
+
 def test_a_rod_on_a_hinge_rests_on_the_floor() -> None:
     body = rod("rod", (0.5, 0.0, 0.5), (0.5, 0.02, 0.02))
     scenario = scene([FLOOR, body], [BodyJoint("pivot", "hinge", "", "rod", (0.0, 0.0, 0.5), Y)], 2.0)
