@@ -124,6 +124,7 @@ def _measure(world, first, found):
             continue
         set_coefficients(bodies, pair, state)
         pair["depth"] = -pair["distance"]
+        pair["merged"] = MERGED_NOT
         deepest = max(deepest, pair["depth"])
         # compact: touching pairs move to the front and overwrite the others
         if k != end:
@@ -245,8 +246,6 @@ def mark_pairs(bodies, pieces, pairs, count):
         pieces[k]["marked"] = -1
     for k in range(count):
         piece = pieces[_listing_piece(bodies, pairs[k])]
-        if pairs[k]["merged"] != MERGED_NOT:
-            piece = pieces[pairs[k]["piece_a"] if pairs[k]["merged"] == MERGED_B else pairs[k]["piece_b"]]
         pairs[k]["next_marked"] = piece["marked"]
         piece["marked"] = k
 
@@ -255,18 +254,16 @@ def mark_pairs(bodies, pieces, pairs, count):
 def is_marked(bodies, pieces, pairs, pair):
     """Whether the last call of `mark_pairs` marked a pair of the same two pieces, or of one of them and the
     other's body, whose pieces share a manifold."""
-    for side in range(2):
-        k = pieces[pair["piece_b"] if side else pair["piece_a"]]["marked"]
-        while k >= 0:
-            row = pairs[k]
-            if row["piece_a"] == pair["piece_a"] or (
-                row["merged"] == MERGED_A and row["body_a"] == pair["body_a"]
-            ):
-                if row["piece_b"] == pair["piece_b"] or (
-                    row["merged"] == MERGED_B and row["body_b"] == pair["body_b"]
-                ):
-                    return True
-            k = row["next_marked"]
+    k = pieces[_listing_piece(bodies, pair)]["marked"]
+    while k >= 0:
+        row = pairs[k]
+        same_a = row["piece_a"] == pair["piece_a"]
+        same_a = same_a or (row["merged"] == MERGED_A and row["body_a"] == pair["body_a"])
+        same_b = row["piece_b"] == pair["piece_b"]
+        same_b = same_b or (row["merged"] == MERGED_B and row["body_b"] == pair["body_b"])
+        if same_a and same_b:
+            return True
+        k = row["next_marked"]
     return False
 
 

@@ -31,6 +31,7 @@ MOST_BYTES = 10**8
 UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ARITHMETIC = (ValueError, ArithmeticError, IndexError)
 """Exceptions of the inertia of a body whose mass or shape is wrong."""
+MISSING = "missing"
 STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 """An index or a name in the path of a fault."""
 
@@ -121,12 +122,14 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
             )
             faults.append((("name",), text))
         own: list[Fault] = []
+        joints = data.get("body_joints", ())
+        joined = {name for joint in joints for name in (joint["parent"], joint["child"])}
         for i, body in enumerate(data["bodies"]):
-            own += _shaped(body, ("bodies", i))
+            own += _shaped(body, ("bodies", i), body.get("name") in joined)
             own += _weighed(body, ("bodies", i))
         for i, tracker in enumerate(data.get("trackers", ())):
             own += _tracked(tracker, ("trackers", i), path.parent, allow_paths)
-        faults += own
+        faults += [(where, text) for where, text in own if text != MISSING or where[:-1] not in misspelt]
         try:
             scenario = scenario_of(data)
         except ScenarioError as error:
@@ -150,12 +153,13 @@ def _misspelt(place: Place, unknown: Collection[Place], data: Any) -> bool:
     return place[-1] not in data
 
 
-def _shaped(body: dict[str, Any], place: Place) -> list[Fault]:
-    """Give a body the pieces of its height field; returns the faults."""
+def _shaped(body: dict[str, Any], place: Place, joined: bool) -> list[Fault]:
+    """Give a body the pieces of its height field, or none if it is `joined` and has neither; returns the
+    faults."""
     if "height_field" not in body:
-        missing = "pieces" not in body
+        asked = "pieces" not in body and not joined
         body.setdefault("pieces", ())
-        return [((*place, "pieces"), "missing")] if missing else []
+        return [((*place, "pieces"), MISSING)] if asked else []
     field = built(HeightField, body.pop("height_field"))
     where = (*place, "height_field")
     faults: list[Fault] = [((*where, *placed(name)), text) for name, text in field.faults()]

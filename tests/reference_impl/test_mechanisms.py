@@ -312,7 +312,7 @@ def test_what_is_too_stiff_for_explicit_steps_stays_where_it_is(stiffness: float
 
 
 def test_a_bound_that_is_never_reached_changes_nothing() -> None:
-    """A trunk on a stiff ankle rocks on its foot: with and without a largest force it ends at the same place."""
+    """A trunk on a stiff ankle rocks on its foot: with and without a largest force it ends at one place."""
     foot = rod("foot", (0.0, 0.0, 0.02), (0.15, 0.1, 0.02), mass=0.2)
     trunk = rod("trunk", (0.05, 0.0, 0.4), (0.1, 0.1, 0.1), mass=5.0)
     ankle = BodyJoint("ankle", "hinge", "foot", "trunk", (0.0, 0.0, 0.04), Y)

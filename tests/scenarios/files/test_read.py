@@ -66,6 +66,11 @@ def test_a_short_file_is_a_whole_scene(scene):
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
+        (
+            "pieces =",
+            "peices =",
+            "drop.toml:10: bodies[0].peices: unknown field 'peices'; did you mean 'pieces'",
+        ),
         ("mass =", "mas =", "drop.toml:9: bodies[0].mas: unknown field 'mas'; did you mean 'mass'"),
         (
             '"simulated"',
