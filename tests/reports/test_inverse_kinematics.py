@@ -61,10 +61,9 @@ def test_limits_are_judged(measured) -> None:
     """Judge misses of the reference from near starts, and what it costs beside the loop."""
     frame = measured[0]
     judged = frame[frame.verdict != ""]
-    assert set(zip(judged.metric, judged.profile, judged.scenario)) == {
-        ("ik.missed", CCD, "arm, near"),
-        *(("ratio.time", CCD, start) for start in STARTS),
-    }
+    found = set(zip(judged.metric, judged.profile, judged.scenario))
+    # a ratio whose interval has the limit within has no verdict
+    assert found - {("ratio.time", CCD, start) for start in STARTS} == {("ik.missed", CCD, "arm, near")}
     missed = judged[judged.metric == "ik.missed"]
     assert (missed.verdict == "pass").all()
     assert not any(isnan(value) for value in judged.limit)
