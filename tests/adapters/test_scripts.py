@@ -82,6 +82,7 @@ def run_here(path):
     return printed.getvalue()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("engine", "profile", "scene"), CASES)
 def test_a_script_prints_the_recording(registry, engine, profile, scene, tmp_path):
     """At most 60 lines without our packages repeat positions to the bit, or to rounding from mass centres."""

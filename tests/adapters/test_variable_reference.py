@@ -54,6 +54,7 @@ def test_mechanisms_are_kernels() -> None:
     assert len({one.name for one in MECHANISMS}) == len(MECHANISMS)
 
 
+@pytest.mark.slow
 def test_values_in_memory_play_as_the_reference_does_and_can_be_varied() -> None:
     """With its own values the motion is the reference's to the bit; another value or a switch changes it."""
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}

@@ -147,6 +147,7 @@ def test_a_ball_that_pushes_a_hand_back_gains_no_energy(mass):
     assert worst(scene, play(scene), "energy.injected") < 5e-3 * mass * 2.0**2 / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_tracker_that_leaves_through_a_wall_lets_nothing_diverge(profile):
     """Walk on at 3 m/s behind a wall and a box before it: the person stays in front of both."""

@@ -121,6 +121,7 @@ def test_a_budget_ends_all_variants_together(registry) -> None:
     assert [len(one.pace.seconds) for one in variants] == [1, 1]
 
 
+@pytest.mark.slow
 def test_the_study_as_a_whole(tmp_path: Path) -> None:
     """Play two scenes: identical outcomes, each effect marked, a table, a picture, and nothing half done."""
     chosen = [catalogue()[name] for name in ("fall", "bounce_e05")]

@@ -31,6 +31,7 @@ def test_the_closed_form_keeps_momentum(recordings, known, scene):
         assert known.value("momentum.angular", recording, scenario)[""] < ROUNDING
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [scenario.name for scenario in tagged("conservative") if scenario.truths])
 def test_the_closed_form_keeps_energy(recordings, known, scene):
     """What moves by the closed form of a conservative scene neither gains nor loses energy."""

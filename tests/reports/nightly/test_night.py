@@ -360,6 +360,7 @@ def test_a_forged_night_is_set_aside_or_read(stored, tmp_path, way):
     assert stored("accept", "last", "--reason", "good")[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", JSONS.values(), ids=JSONS)
 def test_forged_documents_of_a_store_are_set_aside(stored, tmp_path, text):
     """So it is with the identity of a night, an acceptance, and what a killed night left."""
