@@ -131,12 +131,13 @@ def _end_geometry(world, a, b, pair, out_found):
 
 @kernel
 def _nearest_pieces(world, a, b, pair, out_found):
-    """Find distance, normal and points of two pieces; or, on a body that is not simulated, of its nearest
-    piece, to which the contact may have moved. Returns whether they are known."""
+    """Find distance, normal and points of two pieces; or, on a body that does not move, of its nearest piece,
+    to which the contact may have moved. Returns whether they are known."""
     pieces, one, two = world.pieces, pair["piece_a"], pair["piece_b"]
-    many = a if a["kind"] != SIMULATED else b
-    if many["kind"] != SIMULATED and many["piece_count"] > 1:
-        least, on_a = NEVER, a["kind"] != SIMULATED
+    on_a = not is_moving(a)
+    many = a if on_a else b
+    if not is_moving(many) and many["piece_count"] > 1:
+        least = NEVER
         for k in range(many["first_piece"], many["first_piece"] + many["piece_count"]):
             p, q = (k, pair["piece_b"]) if on_a else (pair["piece_a"], k)
             if _may_touch(pieces[p], pieces[q]):
