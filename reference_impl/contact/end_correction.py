@@ -272,6 +272,8 @@ def _end_velocity(body, found):
     if not is_moving(body):
         return 0.0, 0.0, 0.0
     c, v, w = body["center"], body["velocity"], body["omega"]
+    if body["kind"] == SIMULATED and body["driver"] >= 0:
+        v, w = body["end_velocity"], body["end_omega"]
     x, y, z = w[0], w[1], w[2]
     if body["kind"] == SIMULATED and body["driver"] < 0 and not is_isotropic(body["inertia"]):
         own, r, m = body["scratch"], body["rotation"], body["end_omega"]

@@ -118,7 +118,7 @@ def guard_energy(world, count, parted, first, whole, h):
         if pairs[k]["island"] >= 0:
             island = bodies[pairs[k]["island"]]["guard"]
             excess, rounding = _excess(island), ENERGY_ROUNDING * island["scale"]
-            lacks = island["curved"] == 1 and excess < -rounding
+            lacks = island["curved"] == 1 and island["limited"] == 0 and excess < -rounding
             if island["driven"] == 0 and (excess > rounding or lacks):
                 _slow_down(bodies, joints, drivers, pairs[k], island, state)
     for d in range(state["driven_count"], len(drivers)):
@@ -167,7 +167,7 @@ def _reset(bodies, joints, drivers, pair):
 @kernel
 def _reset_sums(guard):
     """Reset the sums of an island."""
-    guard["grounded"] = guard["driven"] = guard["counted"] = guard["curved"] = 0
+    guard["grounded"] = guard["driven"] = guard["counted"] = guard["curved"] = guard["limited"] = 0
     guard["work"] = guard["rise"] = guard["motion"] = guard["scale"] = guard["mass"] = 0.0
     for i in range(3):
         guard["momentum"][i] = guard["old_momentum"][i] = guard["moment"][i] = guard["turning"][i] = 0.0
@@ -192,7 +192,9 @@ def _sum_up(bodies, joints, drivers, pair, state):
 def _sum_mechanism(bodies, joints, driver, island, state):
     """Add the bodies and springs of a mechanism to the sums of an island, unless they are in them."""
     if bodies[driver["root"]]["guard"]["state"] == GUARD_UNVISITED:
-        island["rise"] += spring_energy(joints, driver)
+        island["rise"] += spring_energy(joints, driver) - max(0.0, driver["work"])
+        if driver["stiff"] == 0:
+            island["work"] += min(0.0, driver["work"])
         _hold(island, joints, driver)
         for k in range(driver["joint_count"]):
             _add_body(island, bodies[joints[driver["first_joint"] + k]["child"]], state)
@@ -216,22 +218,18 @@ def _add_body(island, body, state):
 
 @kernel
 def _hold(island, joints, driver):
-    """Note whether joints hold a mechanism at the world, and whether motors drive it: its island is then
-    `driven`, as on a moving body."""
+    """Note whether joints hold a mechanism at the world, and whether limits or joints that are too stiff for
+    the substep may take energy from it."""
+    if has_limits(joints, driver) or driver["stiff"] == 1:
+        island["limited"] = 1
     for k in range(
         driver["first_joint"], driver["first_joint"] + driver["joint_count"] + driver["loop_count"]
     ):
-        joint = joints[k]
-        if joint["parent"] < 0 and joint["type"] != JOINT_FREE:
+        if joints[k]["parent"] < 0 and joints[k]["type"] != JOINT_FREE:
             for i in range(3):
                 if island["grounded"] == 1 and abs(island["carrier"][i]) > SAME_VELOCITY:
                     island["driven"] = 1
             island["grounded"] = 1
-        in_loop = k >= driver["first_joint"] + driver["joint_count"]
-        if in_loop and joint["stiffness"] != 0:
-            island["driven"] = 1
-        if joint["width"] == 1 and joint["target_rate"] != 0:
-            island["driven"] = 1
 
 
 @kernel

@@ -36,6 +36,7 @@ from touchstone.reference_impl.continuous.driver_motion import (
 )
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
 from touchstone.reference_impl.continuous.mechanism_dynamics import set_drifts
+from touchstone.reference_impl.continuous.mechanism_motion import follow_forces, note_forces
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     NEVER,
@@ -105,7 +106,7 @@ def solve_resting_contacts(world, count, time, h):
                 restore_normals(pairs, count)
                 h = _solve_velocities(world, count, h)
                 _solve_positions(world, count, h)
-        if _correct_curves(world, count, h):
+        if _correct_ends(world, count, h):
             break
         # a wedge may have no solution in which contacts close exactly: leave them as predicted
         failed = state["counters"][COUNT_UNCONVERGED] > unconverged
@@ -124,25 +125,35 @@ def solve_resting_contacts(world, count, time, h):
 
 
 @kernel
-def _correct_curves(world, count, h):
-    """Solve again with the geometry of curved contacts at the end of the substep, until they touch there;
-    returns whether they do, nearly, and every solve converged."""
+def _correct_ends(world, count, h):
+    """Solve again with the motion of mechanisms under the forces found, and the geometry of curved contacts
+    at the end of the substep, until both stay what they are; returns whether curved contacts touch there,
+    nearly, and every solve converged."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    if state["curved"] == 0:
+    if state["curved"] + state["mechanisms"] == 0:
         return True
     error, unconverged = 0.0, state["counters"][COUNT_UNCONVERGED]
     for k in range(CORRECTIONS + 1):
-        set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
-        error = correct_ends(world, count, h, k == CORRECTIONS)
-        if error <= END_ERROR or k == CORRECTIONS:
+        last, moved = k == CORRECTIONS, 0.0
+        for d in range(state["driven_count"], len(drivers)):
+            if not last:
+                moved = max(moved, follow_forces(bodies, joints, drivers[d], h))
+        if state["curved"] == 1:
+            set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
+            error = correct_ends(world, count, h, last)
+        followed = moved <= (LARGEST_ERROR if state["curved"] == 1 else 0.0)
+        if (error <= END_ERROR and followed) or last:
             break
         _correct_velocities(world, count, h)
         _solve_positions(world, count, h)
         if state["counters"][COUNT_UNCONVERGED] > unconverged:
             return False
-    for k in range(count):
-        pairs[k]["work"] = friction_work(bodies, pairs[k])
+        if state["curved"] == 0 and moved <= LARGEST_ERROR:
+            break
+    if state["curved"] == 1:
+        for k in range(count):
+            pairs[k]["work"] = friction_work(bodies, pairs[k])
     return error <= LARGEST_ERROR
 
 
@@ -155,6 +166,7 @@ def _correct_velocities(world, count, h):
     state["lead"] = VELOCITY_LEAD
     solve_contacts(bodies, joints, drivers, world.pairs, count, True, state)
     state["lead"] = 0.0
+    _note_forces(world, h)
     _accept_pushes(world, h)
 
 
@@ -390,8 +402,16 @@ def _solve_together(world, count, h):
     state["lead"] = VELOCITY_LEAD
     converged = solve_contacts(bodies, world.joints, world.drivers, pairs, count, True, state)
     state["lead"] = 0.0
+    _note_forces(world, h)
     _accept_pushes(world, h)
     return converged
+
+
+@kernel
+def _note_forces(world, h):
+    """Store the forces that the law of velocities exerts on mechanisms."""
+    for d in range(world.state["driven_count"], len(world.drivers)):
+        note_forces(world.drivers[d], h)
 
 
 @kernel

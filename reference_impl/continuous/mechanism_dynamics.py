@@ -110,7 +110,7 @@ def answer_forces(bodies, joints, driver, h, lead):
     Of a rate with the mobility m, the response falls from h m to H m, or from h^2 m / 2 to G m
     (`coupling_response`): so does that of all rates to one damper, whose term has rank one.
     """
-    found, x = False, driver["force"]
+    found = False
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
         joint["answer"] = 0.0
@@ -119,14 +119,7 @@ def answer_forces(bodies, joints, driver, h, lead):
         if joint["stiffness"] == 0 and joint["damping"] == 0:
             continue
         found = True
-        for i in range(driver["hinge_count"]):
-            x[i] = 0.0
-        x[joint["coordinate"]] = 1.0
-        solve_lower(driver["hinge_factor"], driver["hinge_count"], x)
-        keep_loops(driver, x)
-        m = 0.0
-        for i in range(driver["hinge_count"]):
-            m += x[i] * x[i]
+        m = joint_mobility(joint, driver)
         share = _answer(joint["stiffness"] * m, joint["damping"] * m, h, lead)
         if m > 0:
             joint["answer"] = (1 / max(share, LEAST_ANSWER) - 1) / m
@@ -134,6 +127,21 @@ def answer_forces(bodies, joints, driver, h, lead):
         driver["stiffened"] = 1
         weigh_mechanism(bodies, joints, driver)
         driver["stiffened"] = 0
+
+
+@kernel
+def joint_mobility(joint, driver):
+    """Rate of a joint, or of the first of a ball joint's, per impulse along it."""
+    x = driver["force"]
+    for i in range(driver["hinge_count"]):
+        x[i] = 0.0
+    x[joint["coordinate"]] = 1.0
+    solve_lower(driver["hinge_factor"], driver["hinge_count"], x)
+    keep_loops(driver, x)
+    m = 0.0
+    for i in range(driver["hinge_count"]):
+        m += x[i] * x[i]
+    return m
 
 
 @kernel
@@ -343,10 +351,12 @@ def set_slope(bodies, joints, driver, out_slope):
     """Rates of change of a mechanism's positions and rates, at which its bodies are posed and moved.
 
     Args:
-        out_slope: (positions, then rates).
+        out_slope: (positions, then rates), and the power of all forces of joints that have no energy, which
+            springs of the tree have.
     """
     first, end, o = driver["first_joint"], driver["first_joint"] + driver["joint_count"], driver["center"]
     size, count, force = driver["position_count"], driver["hinge_count"], driver["force"]
+    power = joint_power(joints, driver)
     set_drifts(bodies, joints, driver)
     for k in range(first, end):
         joint = joints[k]
@@ -371,7 +381,9 @@ def set_slope(bodies, joints, driver, out_slope):
                 inner["pull"][i] += joint["pull"][i]
                 inner["torque"][i] += joint["torque"][i]
     for k in range(end, end + driver["loop_count"]):
-        _add_loop_force(bodies, joints, joints[k], driver)
+        power += _add_loop_force(bodies, joints, joints[k], driver)
+    for i in range(count):
+        force[i] += driver["known_force"][i]
     solve_lower(driver["hinge_factor"], count, force)
     if driver["loop_rows"] > 0:
         keep_loops(driver, force)
@@ -381,6 +393,7 @@ def set_slope(bodies, joints, driver, out_slope):
     solve_upper(driver["hinge_factor"], count, force)
     for i in range(count):
         out_slope[size + i] = force[i]
+    out_slope[size + count] = power
     for k in range(first, end):
         _set_position_slope(bodies, joints[k], driver, out_slope)
 
@@ -390,6 +403,22 @@ def joint_force(joint, position, rate):
     """Force or torque of a joint's spring, damper or motor along its axis."""
     x = joint["stiffness"] * (joint["target"] - position) + joint["damping"] * (joint["target_rate"] - rate)
     return min(max(x, -joint["largest_force"]), joint["largest_force"])
+
+
+@kernel
+def joint_power(joints, driver):
+    """Power of the dampers and motors of the joints of a mechanism's tree [W]: of all but their springs."""
+    rates, power = driver["rates"], 0.0
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint, c = joints[k], joints[k]["coordinate"]
+        if joint["type"] == JOINT_BALL:
+            for j in range(3):
+                power -= joint["damping"] * rates[c + j] ** 2
+        elif joint["width"] == 1 and joint["damping"] != 0:
+            most, x = joint["largest_force"], driver["positions"][joint["place"]]
+            spring = min(max(joint["stiffness"] * (joint["target"] - x), -most), most)
+            power += (joint_force(joint, x, rates[c]) - spring) * rates[c]
+    return power
 
 
 @kernel
@@ -404,9 +433,9 @@ def _add_own_force(joint, driver):
 
 @kernel
 def _add_loop_force(bodies, joints, joint, driver):
-    """Add the force of the spring, damper or motor of a joint that closes a loop."""
+    """Add the force of the spring, damper or motor of a joint that closes a loop; returns its power [W]."""
     if joint["stiffness"] == 0 and joint["damping"] == 0:
-        return
+        return 0.0
     o, a = child_point(bodies, joint), world_axis(bodies, joint)
     arm, u = plus(o, -1.0, driver["center"]), driver["loop_direction"]
     _, _, v, w = _point_drift(bodies, joints, joint["child"], o)
@@ -417,17 +446,21 @@ def _add_loop_force(bodies, joints, joint, driver):
     if joint["type"] == JOINT_SLIDER:
         x = dot(a, plus(o, -1.0, parent_point(bodies, joint, joint["parent_anchor"])))
         force = joint_force(joint, x, dot(a, v))
+        power = force * dot(a, v)
         for i in range(3):
             u[i] = force * a[i]
     elif joint["type"] == JOINT_HINGE:
         force = joint_force(joint, hinge_angle(bodies, joint, a), dot(a, w))
+        power = force * dot(a, w)
         for i in range(3):
             u[3 + i] = force * a[i]
     else:
         for i in range(3):
             u[3 + i] = -joint["damping"] * w[i]
+        power = -joint["damping"] * dot(w, w)
     add_rows(joints, joint["child"], bodies, arm, driver["force"], u, 1.0)
     add_rows(joints, joint["parent"], bodies, arm, driver["force"], u, -1.0)
+    return power
 
 
 @kernel

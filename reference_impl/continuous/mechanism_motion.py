@@ -1,10 +1,11 @@
 """Motion of mechanisms over a substep: the solution of their equations of motion, and the response to
 impulses.
 
-Without contact, positions and rates follow the equations of motion by the method of Dormand & Prince (1980),
-of fifth order, in steps whose error is at most the setting `joint_error`; loops are closed at the end.
-Impulses of contacts and limits, even over a substep of length h, add the rates L'^-1 y that the solver found
-at its middle: in full at its end, and h / 2 times that to the positions, as for a free body.
+Positions and rates follow the equations of motion (`mechanism_flow`). Of impulses of contacts and limits,
+even over a substep of length h, the solver knows the response at its middle alone: the rates L'^-1 y, in full
+at its end, and h / 2 times that in the positions, as for a free body. So the mechanism moves again under the
+forces that were solved (`follow_forces`), and what its motion differs by is corrected in another solve: its
+momentum changes by the impulses, and no more.
 """
 
 from math import sqrt
@@ -13,11 +14,10 @@ from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.continuous.hinge_motion import ask_limits, drop_limits, find_limits
 from touchstone.reference_impl.continuous.mechanism_dynamics import (
     answer_forces,
-    answer_step,
     close_loops,
-    set_slope,
     weigh_mechanism,
 )
+from touchstone.reference_impl.continuous.mechanism_flow import flow
 from touchstone.reference_impl.core.conventions import KEEPS_NOTHING
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, rotation_between
@@ -30,12 +30,6 @@ from touchstone.reference_impl.kinematics.mechanism import (
     pose_bodies,
     pose_mechanism,
 )
-
-STEP_GROWTH, STEP_SHARE = 5.0, 0.9
-"""Most growth of a step, and share of the length that its error allows [1]."""
-MOST_STEPS, IMPLICIT_STEPS = 512, 64
-"""Most steps of a substep; then springs or dampers are too stiff for them, and so many steps of first order,
-implicit in these, take the rest of it."""
 
 
 @kernel
@@ -80,109 +74,6 @@ def return_mechanism(bodies, joints, driver):
 
 
 @kernel
-def _stage(bodies, joints, driver, k, a, h):
-    """Slope k of a step of length h from `stage_start`, at the sum of the slopes before with weights a."""
-    size, count = driver["position_count"], driver["hinge_count"]
-    for i in range(size + count):
-        x = driver["stage_start"][i]
-        for j in range(k):
-            x += h * a[j] * driver["slopes"][j, i]
-        if i < size:
-            driver["positions"][i] = x
-        else:
-            driver["rates"][i - size] = x
-    pose_mechanism(bodies, joints, driver)
-    move_mechanism(bodies, joints, driver)
-    weigh_mechanism(bodies, joints, driver)
-    set_slope(bodies, joints, driver, driver["slopes"][k])
-
-
-@kernel
-def _step(bodies, joints, driver, h):
-    """A step of length h from `stage_start`, whose first slope is known; returns its error."""
-    a = (1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0)
-    _stage(bodies, joints, driver, 1, a, h)
-    a = (3 / 40, 9 / 40, 0.0, 0.0, 0.0, 0.0)
-    _stage(bodies, joints, driver, 2, a, h)
-    a = (44 / 45, -56 / 15, 32 / 9, 0.0, 0.0, 0.0)
-    _stage(bodies, joints, driver, 3, a, h)
-    a = (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0.0, 0.0)
-    _stage(bodies, joints, driver, 4, a, h)
-    a = (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0.0)
-    _stage(bodies, joints, driver, 5, a, h)
-    a = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
-    _stage(bodies, joints, driver, 6, a, h)
-    s, error, size = driver["slopes"], 0.0, driver["position_count"]
-    for i in range(size + driver["hinge_count"]):
-        e = 71 / 57600 * s[0, i] - 71 / 16695 * s[2, i] + 71 / 1920 * s[3, i]
-        e += -17253 / 339200 * s[4, i] + 22 / 525 * s[5, i] - 1 / 40 * s[6, i]
-        error = max(error, h * abs(e) * (1.0 if i < size else h))
-    return error
-
-
-@kernel
-def _flow(bodies, joints, driver, time):
-    """Advance a mechanism from its positions and rates by a time [s] without impulses."""
-    size, count = driver["position_count"], driver["hinge_count"]
-    pose_mechanism(bodies, joints, driver)
-    move_mechanism(bodies, joints, driver)
-    weigh_mechanism(bodies, joints, driver)
-    set_slope(bodies, joints, driver, driver["slopes"][0])
-    left, h = time, time
-    for _ in range(MOST_STEPS):
-        last = not h < left
-        if last:
-            h = left
-        for i in range(size):
-            driver["stage_start"][i] = driver["positions"][i]
-        for i in range(count):
-            driver["stage_start"][size + i] = driver["rates"][i]
-        error = _step(bodies, joints, driver, h)
-        grown = STEP_GROWTH
-        if error > 0:
-            grown = min(STEP_GROWTH, STEP_SHARE * (driver["step_error"] / error) ** 0.2)
-        if not error > driver["step_error"]:
-            left = 0.0 if last else left - h
-            if last:
-                break
-            for i in range(size + count):
-                driver["slopes"][0, i] = driver["slopes"][6, i]
-        else:
-            for i in range(size):
-                driver["positions"][i] = driver["stage_start"][i]
-            for i in range(count):
-                driver["rates"][i] = driver["stage_start"][size + i]
-        h *= max(grown, 0.1)
-    if left > 0:
-        _flow_implicitly(bodies, joints, driver, left)
-    if driver["loop_count"] > 0:
-        close_loops(bodies, joints, driver)
-
-
-@kernel
-def _flow_implicitly(bodies, joints, driver, time):
-    """Advance a mechanism by a time [s] in steps of Euler's method, implicit in springs and dampers."""
-    h, slope = time / IMPLICIT_STEPS, driver["slopes"][0]
-    for _ in range(IMPLICIT_STEPS):
-        # springs act where the rates lead
-        add_rates(bodies, joints, driver, driver["rates"], h)
-        pose_mechanism(bodies, joints, driver)
-        move_mechanism(bodies, joints, driver)
-        answer_step(joints, driver, h)
-        weigh_mechanism(bodies, joints, driver)
-        set_slope(bodies, joints, driver, slope)
-        for i in range(driver["hinge_count"]):
-            x = h * slope[driver["position_count"] + i]
-            driver["rates"][i] += x
-            driver["force"][i] = x
-        add_rates(bodies, joints, driver, driver["force"], h)
-    driver["stiffened"] = 0
-    pose_mechanism(bodies, joints, driver)
-    move_mechanism(bodies, joints, driver)
-    weigh_mechanism(bodies, joints, driver)
-
-
-@kernel
 def show_rates(joints, driver):
     """Set angle and rate of a mechanism's hinges and sliders from its positions and rates."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
@@ -192,24 +83,98 @@ def show_rates(joints, driver):
 
 
 @kernel
+def _find_end(bodies, joints, driver, h):
+    """Set `end_*` of a substep of length h under the known forces."""
+    driver["at_middle"], driver["end_time"] = 0, h
+    _return(driver)
+    flow(bodies, joints, driver, h)
+    driver["end_work"] = driver["work"]
+    for i in range(driver["position_count"]):
+        driver["end_positions"][i] = driver["positions"][i]
+    for i in range(driver["hinge_count"]):
+        driver["end_rates"][i] = driver["rates"][i] - driver["known_gains"][i]
+
+
+@kernel
+def note_forces(driver, h):
+    """Store the generalised forces whose impulses over a substep of length h cause a mechanism's `gains`."""
+    s, count, gains, force = driver["hinge_factor"], driver["hinge_count"], driver["gains"], driver["force"]
+    for i in range(count):
+        force[i] = 0.0
+        for j in range(i, count):
+            force[i] += s[j, i] * gains[j]
+    for i in range(count):
+        total = 0.0
+        for j in range(i + 1):
+            total += s[i, j] * force[j]
+        driver["solved_force"][i] = total / h
+
+
+@kernel
+def follow_forces(bodies, joints, driver, h):
+    """Let a mechanism move over its substep of length h under the forces that were solved, unless it is
+    stiff: then it answers their change otherwise than the solver knows.
+
+    Returns:
+        How far its bodies end from where its gains lead, without that of their law of positions: the root
+        mean square, by mass, of h times the velocity between [m].
+    """
+    count, before = driver["hinge_count"], driver["hinge_response"]
+    known = True
+    for i in range(count):
+        known = known and driver["gains"][i] == driver["known_gains"][i]
+    if known or driver["stiff"] == 1:
+        return 0.0
+    for i in range(count):
+        before[i] = driver["end_rates"][i]
+        driver["known_force"][i], driver["known_gains"][i] = driver["solved_force"][i], driver["gains"][i]
+    _find_end(bodies, joints, driver, h)
+    energy = mass = 0.0
+    for i in range(count):
+        y = 0.0
+        for j in range(i, count):
+            y += driver["hinge_factor"][j, i] * (driver["end_rates"][j] - before[j])
+        energy += y * y
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        mass += bodies[joints[k]["child"]]["mass"]
+    _pose_middle(bodies, joints, driver)
+    _show_end(bodies, joints, driver)
+    add_velocities(bodies, joints, driver, driver["gains"])
+    return h * sqrt(energy / mass)
+
+
+@kernel
+def _pose_middle(bodies, joints, driver):
+    """Pose a mechanism at the middle of its substep."""
+    for i in range(driver["position_count"]):
+        driver["positions"][i] = (driver["start_positions"][i] + driver["end_positions"][i]) / 2
+    pose_mechanism(bodies, joints, driver)
+
+
+@kernel
+def _show_end(bodies, joints, driver):
+    """Pose a mechanism at the start of its substep, with the velocities of `end_rates` at the poses of its
+    columns."""
+    _return(driver)
+    show_rates(joints, driver)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        bodies[joints[k]["child"]]["velocity"][:] = bodies[joints[k]["child"]]["omega"][:] = 0.0
+    add_velocities(bodies, joints, driver, driver["end_rates"])
+    pose_bodies(bodies, joints, driver, driver["positions"])
+
+
+@kernel
 def coast_mechanism(bodies, joints, driver, h, lead):
     """Set a mechanism's velocities by its rates after a time h without impulses, and its response, at its
     poses in the middle of that time; its bodies are posed at the start of the substep. `lead` is 1 in the law
     of positions, and 0 of a substep without contacts and limits, which asks for no response."""
-    size, count = driver["position_count"], driver["hinge_count"]
+    count = driver["hinge_count"]
     if driver["end_time"] != h:
-        driver["at_middle"] = 0
-        _return(driver)
-        _flow(bodies, joints, driver, h)
-        driver["end_time"] = h
-        for i in range(size):
-            driver["end_positions"][i] = driver["positions"][i]
         for i in range(count):
-            driver["end_rates"][i] = driver["rates"][i]
+            driver["known_force"][i] = driver["known_gains"][i] = 0.0
+        _find_end(bodies, joints, driver, h)
     if lead == 1 or (lead > 0 and driver["at_middle"] == 0):
-        for i in range(size):
-            driver["positions"][i] = (driver["start_positions"][i] + driver["end_positions"][i]) / 2
-        pose_mechanism(bodies, joints, driver)
+        _pose_middle(bodies, joints, driver)
         weigh_mechanism(bodies, joints, driver)
         answer_forces(bodies, joints, driver, h, lead)
         # of the law of positions it is another
@@ -221,18 +186,14 @@ def coast_mechanism(bodies, joints, driver, h, lead):
     driver["has_path"] = 1 if lead == 1 else 0
     if lead == 1:
         _set_leads(bodies, joints, driver, h)
-    _return(driver)
-    show_rates(joints, driver)
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        bodies[joints[k]["child"]]["velocity"][:] = bodies[joints[k]["child"]]["omega"][:] = 0.0
-    add_velocities(bodies, joints, driver, driver["end_rates"])
-    pose_bodies(bodies, joints, driver, driver["positions"])
+    _show_end(bodies, joints, driver)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
         if joint["width"] == 1:
             way = driver["end_positions"][joint["place"]] - joint["angle"]
             joint["old_rate"], joint["rate"] = joint["rate"], driver["end_rates"][joint["coordinate"]]
-            joint["lead_rate"] = 2 * way / h - joint["rate"] if lead == 1 else 0.0
+            lead_rate = 2 * way / h - driver["known_gains"][joint["coordinate"]] - joint["rate"]
+            joint["lead_rate"] = lead_rate if lead == 1 else 0.0
     driver["lasting"], driver["hinge_share"] = 1, 1.0
     ask_limits(joints, driver, lead, h)
 
@@ -244,7 +205,7 @@ def _set_leads(bodies, joints, driver, h):
     x, rates = driver["force"], driver["end_rates"]
     find_way(bodies, joints, driver, driver["start_positions"], driver["end_positions"], x)
     for i in range(driver["hinge_count"]):
-        x[i] = 2 * x[i] / h - rates[i]
+        x[i] = 2 * x[i] / h - driver["known_gains"][i] - rates[i]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         bodies[joints[k]["child"]]["velocity"][:] = bodies[joints[k]["child"]]["omega"][:] = 0.0
     add_velocities(bodies, joints, driver, x)
@@ -263,7 +224,8 @@ def keep_mechanism_in_limits(joints, driver, h):
         joint = joints[k]
         if joint["width"] == 1:
             end = driver["end_positions"][joint["place"]]
-            joint["angle"] = end + h / 2 * gains[joint["coordinate"]]
+            c = joint["coordinate"]
+            joint["angle"] = end + h / 2 * (gains[c] - driver["known_gains"][c])
     found = find_limits(joints, driver)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         if joints[k]["width"] == 1:
@@ -306,11 +268,8 @@ def take_gains(bodies, joints, driver):
 
 @kernel
 def spring_energy(joints, driver):
-    """Energy in the springs of a mechanism's joints [J], whose force is at most the largest one of the joint.
-
-    A damper that the bound cuts short takes energy from it too: the sum of both forces, less that of the
-    spring alone, opposes the rate.
-    """
+    """Energy in the springs of the joints of a mechanism's tree [J], whose force is at most the largest one
+    of the joint."""
     total = 0.0
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         stiffness, most = joints[k]["stiffness"], joints[k]["largest_force"]
@@ -375,21 +334,25 @@ def shift_mechanism(bodies, joints, driver, allowed):
 def _reach(bodies, joints, driver, s, h):
     """Pose a mechanism at the fraction s of its substep of length h, and set its rates there."""
     driver["at_middle"] = 0
+    known, gains, any_gain = driver["known_gains"], driver["gains"], False
+    path, x = driver["path_gains"] if driver["has_path"] == 1 else gains, driver["hinge_response"]
     if s == 1 and driver["end_time"] == h:
+        driver["work"] = driver["end_work"]
         for i in range(driver["position_count"]):
             driver["positions"][i] = driver["end_positions"][i]
         for i in range(driver["hinge_count"]):
-            driver["rates"][i] = driver["end_rates"][i]
+            driver["rates"][i] = driver["end_rates"][i] + gains[i]
         pose_mechanism(bodies, joints, driver)
     else:
         _return(driver)
-        _flow(bodies, joints, driver, s * h)
-    gains, any_gain = driver["path_gains"] if driver["has_path"] == 1 else driver["gains"], False
+        flow(bodies, joints, driver, s * h)
+        for i in range(driver["hinge_count"]):
+            driver["rates"][i] += s * (gains[i] - known[i])
     for i in range(driver["hinge_count"]):
-        any_gain = any_gain or gains[i] != 0 or driver["gains"][i] != 0
-        driver["rates"][i] += s * driver["gains"][i]
+        x[i] = path[i] - known[i]
+        any_gain = any_gain or x[i] != 0 or gains[i] != known[i]
     if any_gain:
-        add_rates(bodies, joints, driver, gains, s * s * h / 2)
+        add_rates(bodies, joints, driver, x, s * s * h / 2)
         pose_mechanism(bodies, joints, driver)
         if driver["loop_count"] > 0:
             weigh_mechanism(bodies, joints, driver)
@@ -399,10 +362,21 @@ def _reach(bodies, joints, driver, s, h):
 @kernel
 def set_body_ways(bodies, joints, driver, until, h):
     """Set the motion of a mechanism's bodies over a substep of length h: parabolas that start at their
-    velocities and lead through their poses at its fraction `until`."""
+    velocities and lead through their poses at its fraction `until`; `end_*` are their velocities there."""
     _reach(bodies, joints, driver, until, h)
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        set_way(bodies[joints[k]["child"]], driver["scratch"][0], until, h)
+    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
+    for k in range(first, end):
+        body = bodies[joints[k]["child"]]
+        set_way(body, driver["scratch"][0], until, h)
+        copy_vector(body["velocity"], body["end_velocity"])
+        copy_vector(body["omega"], body["end_omega"])
+    move_mechanism(bodies, joints, driver)
+    for k in range(first, end):
+        body = bodies[joints[k]["child"]]
+        for i in range(3):
+            v, w = body["end_velocity"], body["end_omega"]
+            body["velocity"][i], v[i] = v[i], body["velocity"][i]
+            body["omega"][i], w[i] = w[i], body["omega"][i]
 
 
 @kernel

@@ -30,6 +30,7 @@ GUARD = record(
     alone="i8",  # 1: a mechanism without contacts, which limits hold
     counted="i8",  # 1: the energy removed from it is counted
     curved="i8",  # 1: it has a curved contact
+    limited="i8",  # 1: limits of joints may take energy from it
     work="f8",  # of friction over the substep, where it has one [J]
     # a free island (`island_motion`), before and after the substep
     old_center=VECTOR,
@@ -74,7 +75,8 @@ BODY = record(
     led="i8",  # 1: its island contains such a driver, and its path ends at these velocities
     path_velocity=VECTOR,
     path_omega=VECTOR,
-    end_omega=VECTOR,  # scratch of `end_correction`
+    end_velocity=VECTOR,  # of a mechanism's body: velocities at the end of its substep
+    end_omega=VECTOR,  # scratch of `end_correction` for others
     curve=VECTOR,  # of a link: way of its centre over the substep beyond its mean velocity's [m]
     shown_center=VECTOR,  # of a link, at the start of a frame
     shown_orientation=QUATERNION,
