@@ -19,7 +19,6 @@ from math import sqrt
 from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.contact.separation import kinetic_energy
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
-from touchstone.reference_impl.continuous.hinge_motion import has_limits
 from touchstone.reference_impl.continuous.mechanism_motion import spring_energy, take_velocities
 from touchstone.reference_impl.core.conventions import (
     ENERGY_ROUNDING,
@@ -90,7 +89,7 @@ def guard_energy(world, count, parted, first, whole, h):
     for d in range(state["driven_count"], len(drivers)):
         guard = bodies[drivers[d]["root"]]["guard"]
         guard["alone"] = 0
-        if guard["state"] == GUARD_UNVISITED and has_limits(joints, drivers[d]):
+        if guard["state"] == GUARD_UNVISITED and drivers[d]["limited"] == 1:
             _reset_sums(guard)
             guard["alone"] = 1
             _sum_mechanism(bodies, joints, drivers[d], guard, state)
@@ -224,7 +223,7 @@ def _hold(island, joints, driver):
     Of joints that are too stiff for the substep the work under contact forces is not known: dampers may take
     energy, and what motors drive is not judged.
     """
-    if has_limits(joints, driver) or driver["stiff"] == 1:
+    if driver["limited"] + driver["stiff"] > 0:
         island["limited"] = 1
     for k in range(
         driver["first_joint"], driver["first_joint"] + driver["joint_count"] + driver["loop_count"]

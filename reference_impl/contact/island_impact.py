@@ -61,6 +61,9 @@ def _energy_change(bodies, pairs, head, state):
 @kernel
 def _guard(bodies, joints, drivers, pairs, head, gain, state):
     """Interpolate an island's impulses towards those at e = 0 until the kinetic energy does not rise."""
+    # limits have exerted impulses on mechanisms too
+    for d in range(state["driven_count"], len(drivers)):
+        note_rates(drivers[d], drivers[d]["gains"])
     v, k = state["velocity"], head
     while k >= 0:
         pair = pairs[k]
@@ -69,9 +72,7 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
         pair["resting_impulse"][:] = 0.0
         pair["floor"] = 0.0
         k = pair["next_row"]
-    # limits have exerted impulses on mechanisms too
     for d in range(state["driven_count"], len(drivers)):
-        note_rates(drivers[d], drivers[d]["gains"])
         set_rates(bodies, joints, drivers[d], drivers[d]["start_rates"], drivers[d]["start_rates"], 0.0)
     load_island(bodies, joints, drivers, pairs, head, state)
     solve_island(bodies, joints, drivers, pairs, False, state)

@@ -69,6 +69,8 @@ DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
+FOLLOWED = 1e-6
+"""Change of the motion of mechanisms in the last correction above which the substep is halved [m]."""
 CURVED_ROWS = 64
 """Most rows of a substep whose curved contacts are corrected: a heap is too chaotic for the time that this
 takes."""
@@ -127,18 +129,22 @@ def solve_resting_contacts(world, count, time, h):
 @kernel
 def _correct_ends(world, count, h):
     """Solve again with the motion of mechanisms under the forces found, and the geometry of curved contacts
-    at the end of the substep, until both stay what they are; returns whether curved contacts touch there,
-    nearly, and every solve converged."""
+    at the end of the substep, until both stay what they are; returns whether they do, nearly, and every solve
+    converged."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
     if state["curved"] + state["mechanisms"] == 0:
         return True
-    error, unconverged = 0.0, state["counters"][COUNT_UNCONVERGED]
+    error = moved = 0.0
+    unconverged, follows = state["counters"][COUNT_UNCONVERGED], state["halvings"] < HALVINGS
     for k in range(CORRECTIONS + 1):
-        last, moved = k == CORRECTIONS, 0.0
-        for d in range(state["driven_count"], len(drivers)):
-            if not last:
+        last = k == CORRECTIONS
+        if follows and not last:
+            before, moved = NEVER if k == 0 else max(moved, LARGEST_ERROR), 0.0
+            for d in range(state["driven_count"], len(drivers)):
                 moved = max(moved, follow_forces(bodies, joints, drivers[d], h))
+            if not moved <= before:
+                return False
         if state["curved"] == 1:
             set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
             error = correct_ends(world, count, h, last)
@@ -154,7 +160,7 @@ def _correct_ends(world, count, h):
     if state["curved"] == 1:
         for k in range(count):
             pairs[k]["work"] = friction_work(bodies, pairs[k])
-    return error <= LARGEST_ERROR
+    return error <= LARGEST_ERROR and moved <= FOLLOWED
 
 
 @kernel

@@ -11,7 +11,12 @@ momentum changes by the impulses, and no more.
 from math import sqrt
 
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
-from touchstone.reference_impl.continuous.hinge_motion import ask_limits, drop_limits, find_limits
+from touchstone.reference_impl.continuous.hinge_motion import (
+    ask_limits,
+    drop_limits,
+    find_limits,
+    has_limits,
+)
 from touchstone.reference_impl.continuous.mechanism_dynamics import (
     answer_forces,
     close_loops,
@@ -392,6 +397,7 @@ def end_mechanism(bodies, joints, driver, s, h):
     _reach(bodies, joints, driver, s, h)
     move_mechanism(bodies, joints, driver)
     show_rates(joints, driver)
+    driver["limited"] = 1 if has_limits(joints, driver) else 0
     drop_limits(joints, driver)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         body = bodies[joints[k]["child"]]

@@ -238,6 +238,7 @@ DRIVER = record(
     end_rates=("f8", (HINGE_CAPACITY,)),  # there, less `known_gains`
     work="f8",  # of dampers, motors, and all forces of joints that close loops over a substep [J]
     end_work="f8",
+    limited="i8",  # 1: a limit was a row of the substep that ended
     stiff="i8",  # 1: a spring or damper is much faster than the substep
     end_time="f8",  # its length, or -1 [s]
     at_middle="i8",  # 1: columns and inertia are those at its middle

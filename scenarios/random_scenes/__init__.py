@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.random import Generator
 
-from touchstone.scenarios.random_scenes import driven, fast, piles, stacks
+from touchstone.scenarios.random_scenes import driven, fast, joined, piles, stacks
 from touchstone.scenarios.random_scenes.bodies import MATERIAL
 from touchstone.scenarios.random_scenes.hands import HAND_MATERIAL
 from touchstone.scenarios.random_scenes.setup import Driven, Setup
@@ -40,6 +40,8 @@ ROUND_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"cylinder": piles.cyl
 """Kinds with cylinders, that are used on request only: a seed of KINDS stays what it is."""
 TERRAIN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"terrain": piles.terrain}
 """Kinds on height fields, that are used on request only."""
+JOINED_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"mechanism": joined.mechanisms}
+"""Kinds with joints between bodies, that are used on request only."""
 DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "grip": driven.grips,
     "drag": driven.drags,
@@ -50,7 +52,7 @@ DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "person": driven.persons,
 }
 """Kinds with drivers of all masses and stiffnesses, that are used on request only."""
-ALL_KINDS = {**KINDS, **FAST_KINDS, **ROUND_KINDS, **TERRAIN_KINDS, **DRIVEN_KINDS}
+ALL_KINDS = {**KINDS, **FAST_KINDS, **ROUND_KINDS, **TERRAIN_KINDS, **JOINED_KINDS, **DRIVEN_KINDS}
 FRAME_RATE = 60
 FRAMES = (42, 73)
 """Range of the number of frames: 0.7 to 1.2 s, in which drops of a few centimetres land and settle."""
@@ -92,6 +94,7 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
         joints=tuple(joint for driver in drivers for joint in driver.joints),
         trackers=tuple(driver.tracker for driver in drivers),
         chains=chains,
+        body_joints=tuple(setup.joints),
         frame_rate=FRAME_RATE,
         effects=(
             *(("gravity",) if setup.gravity else ()),

@@ -8,6 +8,7 @@ from math import pi
 
 from numpy.random import Generator
 
+from touchstone.scenarios.body_joints import BodyJoint
 from touchstone.scenarios.random_scenes.bodies import support, turned
 from touchstone.scenarios.random_scenes.hands import Pressing
 from touchstone.scenarios.scenario import (
@@ -59,6 +60,7 @@ class Setup:
     hand: Pressing | None = None
     gravity: bool = True
     driven: Sequence[Driven] = ()
+    joints: Sequence[BodyJoint] = ()
 
 
 def random_gap(rng: Generator, largest: float = DROP) -> float:
