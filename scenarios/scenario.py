@@ -270,12 +270,31 @@ class Tracker(ShortRepr):
 
 @dataclass(frozen=True, slots=True)
 class PairCoefficients:
-    """Restitution e and Coulomb friction mu of a pair of materials."""
+    """Restitution e and Coulomb friction mu of a pair of materials, and what its friction has beyond that.
+
+    A contact that presses with the force N resists rolling with a moment of up to `rolling_friction` N across
+    its normal, and spinning with one of up to `torsional_friction` N along it: lengths [m]. All of it opposes
+    the angular velocity of one body relative to the other; what does not turn is held. A contact that sticks
+    bears up to `static_friction` N; 0: as much as one that slides, `friction` N.
+    """
 
     material_a: str
     material_b: str
     restitution: float
     friction: float
+    static_friction: float = 0.0
+    rolling_friction: float = 0.0
+    torsional_friction: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionLaw:
+    """What the friction of two bodies has beyond mu: coefficient of what sticks [1], 0 or at least mu, and
+    lengths of rolling and torsional friction [m]."""
+
+    static: float = 0.0
+    rolling: float = 0.0
+    torsional: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -445,7 +464,18 @@ class Scenario(ShortRepr):
 
     def pair_coefficients(self, a: int, b: int) -> tuple[float, float]:
         """Restitution and friction of the bodies with index a and b; zero if the effect is off."""
-        wanted = {self.bodies[a].material, self.bodies[b].material}
-        pair = next(c for c in self.coefficients if {c.material_a, c.material_b} == wanted)
+        pair = self._coefficients(a, b)
         e, mu = pair.restitution, pair.friction
         return (e if "restitution" in self.effects else 0.0, mu if "friction" in self.effects else 0.0)
+
+    def friction_law(self, a: int, b: int) -> FrictionLaw:
+        """What the friction of the bodies with index a and b has beyond mu; nothing if the effect is off."""
+        if "friction" not in self.effects:
+            return FrictionLaw()
+        pair = self._coefficients(a, b)
+        static = pair.static_friction if pair.static_friction > pair.friction else 0.0
+        return FrictionLaw(static, pair.rolling_friction, pair.torsional_friction)
+
+    def _coefficients(self, a: int, b: int) -> PairCoefficients:
+        wanted = {self.bodies[a].material, self.bodies[b].material}
+        return next(c for c in self.coefficients if {c.material_a, c.material_b} == wanted)

@@ -278,6 +278,19 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
             report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
         if not (isfinite(pair.friction) and pair.friction >= 0):
             report(f"coefficients[{i}].friction", f"found {pair.friction}, expected a number >= 0")
+        for name in ("rolling_friction", "torsional_friction"):
+            length = getattr(pair, name)
+            if not (isfinite(length) and length >= 0):
+                report(f"coefficients[{i}].{name}", f"found {length}, expected a length >= 0 [m]")
+        if not (isfinite(pair.static_friction) and pair.static_friction >= 0):
+            report(
+                f"coefficients[{i}].static_friction", f"found {pair.static_friction}, expected a number >= 0"
+            )
+        elif 0 < pair.static_friction < pair.friction:
+            report(
+                f"coefficients[{i}].static_friction",
+                f"found {pair.static_friction}, expected at least friction = {pair.friction}, or 0 for as much",
+            )
     materials = sorted({name for names in seen for name in names})
     missing = set()
     for i, body in enumerate(scenario.bodies):

@@ -231,12 +231,17 @@ def detect_for(world, d, later):
 def set_coefficients(bodies, pair, state):
     """Set a pair's coefficients of restitution and friction from its two materials; 0 if neither body is
     simulated: as in the paper, geometry alone moves driven bodies along others."""
+    if state["moments"] == 1:
+        pair["rolling"] = pair["torsion"] = 0.0
+        pair["moment"][:] = 0.0
     if bodies[pair["body_a"]]["kind"] != SIMULATED and bodies[pair["body_b"]]["kind"] != SIMULATED:
         pair["restitution"] = pair["friction"] = 0.0
         return
     a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
     pair["restitution"] = state["restitution"][a, b]
     pair["friction"] = state["friction_coefficient"][a, b]
+    if state["moments"] == 1:
+        pair["rolling"], pair["torsion"] = state["rolling"][a, b], state["torsion"][a, b]
 
 
 @kernel

@@ -10,7 +10,8 @@ from math import acos, sqrt
 from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import dot
-from touchstone.reference_impl.solver.mobility import final_velocity
+from touchstone.reference_impl.solver.islands import has_moment
+from touchstone.reference_impl.solver.mobility import final_velocity, relative_turn
 
 SLIDE_MIN = 1e-4
 """Sliding speed from which the end of sliding is an event [m/s]: below it, the position error is some 1e-7
@@ -54,6 +55,8 @@ def note_free_slip(bodies, pairs, count, state):
         final_velocity(bodies, pair, state)
         slip = _slip(pair)
         pair["free_slip"] = _along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
+        if has_moment(pair):
+            relative_turn(bodies, pair, pair["free_turn"])
 
 
 @inlined_kernel
@@ -65,6 +68,42 @@ def first_stop(bodies, pairs, count, h, state):
         for k in range(count):
             if pairs[k]["manifold"] < 0 or pairs[k]["manifold"] == k:
                 first = min(first, _stop(bodies, pairs, k, h, state))
+                if has_moment(pairs[k]):
+                    first = min(first, _turn_stop(bodies, pairs, k, h, state))
+    return first
+
+
+@kernel
+def _turn_stop(bodies, pairs, k, h, state):
+    """`first_stop` of the rolling and the spin of one manifold, or of one row without a manifold."""
+    pair, now, load, moment = pairs[k], state["velocity"], 0.0, state["impulse"]
+    n, before = pair["normal"], pair["turn_before"]
+    relative_turn(bodies, pair, now)
+    moment[:] = 0.0
+    while k >= 0:
+        load += max(0.0, dot(pairs[k]["normal"], pairs[k]["resting_impulse"]))
+        for i in range(3):
+            moment[i] += pairs[k]["moment"][i]
+        k = pairs[k]["next_point"]
+    spin, first = dot(n, before), NEVER
+    for across in range(2):
+        length = pair["rolling"] if across == 1 else pair["torsion"]
+        x, y, z = n[0] * spin, n[1] * spin, n[2] * spin
+        if across == 1:
+            x, y, z = before[0] - x, before[1] - y, before[2] - z
+        u = sqrt(x * x + y * y + z * z)
+        if load * length == 0 or u * pair["arm"] <= SLIDE_MIN:
+            continue
+        axis = (x / u, y / u, z / u)
+        end, p, f = dot(axis, now), -dot(axis, moment), dot(axis, pair["free_turn"])
+        if end * pair["arm"] > SLIP_MIN:
+            first = min(first, u / (u - end) if end < u else NEVER)
+            continue
+        # all of the moment would stop it earlier; what another contact turns back crosses zero evenly
+        stops = p > 0 and end * pair["arm"] >= -SLIP_MIN
+        time = u - f + (f - end) * load * length / p if stops else u - end
+        share = min(1.0, u / time) if 0 < time < EVENT_CAP * u else 1.0
+        first = min(first, share if u * pair["arm"] * h * (1 - share) > STOP_ERROR else 1.0)
     return first
 
 

@@ -429,6 +429,7 @@ def _solve_positions(world, count, h):
         state["lead"] = 0.0
         for k in range(count):
             copy_vector(pairs[k]["spare"], pairs[k]["resting_impulse"])
+            copy_vector(pairs[k]["spare_moment"], pairs[k]["moment"])
             pairs[k]["floor"] = pairs[k]["held_floor"]
         # of all rows again: the islands of the law of positions are without the others
         join_islands(bodies, drivers, pairs, count, False)
@@ -478,6 +479,7 @@ def _ask_positions(bodies, pair, h, dt):
     """Set the floor of a row in the law of positions: twice the speed at which its gap may close to
     `gap_aimed`."""
     copy_vector(pair["resting_impulse"], pair["spare"])
+    copy_vector(pair["moment"], pair["spare_moment"])
     pair["held_floor"] = pair["floor"]
     if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
         pair["floor"] = NO_FLOOR

@@ -42,6 +42,7 @@ from touchstone.reference_impl.solver.interior_start import (
     on_axes,
     set_axes,
 )
+from touchstone.reference_impl.solver.moment_rows import into_bounds, solve_moment, subtract_moments
 from touchstone.reference_impl.solver.tolerances import INTERIOR_BOUNDARY, INTERIOR_CENTRE, NEWTON_MOST
 
 INTERIOR_STEPS, INTERIOR_ALLOWANCE = 120, 5e7
@@ -150,13 +151,17 @@ def _set_scaling(solver, share):
 
 @kernel
 def _set_impulses(solver):
-    """Set the impulses of the rows and the movers' velocities from the vectors q."""
+    """Set the impulses of the rows and the movers' velocities from the vectors q; moments follow by a
+    sweep, and are fixed in a step."""
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         p, q = row["impulse"], row["centre"]
         p[0], p[1], p[2] = along_axes(row, q[0], q[1], q[2])
         into_cone(row)
+    into_bounds(solver)
     rebuild(solver)
+    for k in range(solver["moment_count"]):
+        solve_moment(solver["moments"][k], solver)
 
 
 @inlined_kernel
@@ -203,6 +208,7 @@ def _begin_gradient(solver):
         row["centred"][:] = 0.0
         x, y, z = _unscale(row, gap[0] + slope[0] * gap[1] + slope[1] * gap[2], gap[1], gap[2])
         _subtract_change(solver, row, x, y, z)
+    subtract_moments(solver)
 
 
 @kernel

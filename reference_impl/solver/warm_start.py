@@ -26,6 +26,8 @@ def load_impulse(bodies, pair, state, h):
     if nearest >= 0:
         for i in range(3):
             pair["resting_impulse"][i] = h * state["warm_start_force"][nearest, i]
+            if state["moments"] == 1:
+                pair["moment"][i] = h * state["warm_start_moment"][nearest, i]
 
 
 @inlined_kernel
@@ -40,6 +42,8 @@ def store_impulses(bodies, pairs, count, state, h):
         for i in range(3):
             state["warm_start_point"][k, i] = pair["point"][i] - body["center"][i]
             state["warm_start_force"][k, i] = pair["resting_impulse"][i] / h
+            if state["moments"] == 1:
+                state["warm_start_moment"][k, i] = pair["moment"][i] / h
         state["warm_start_next"][k] = body["memory"]
         body["memory"] = k + 1
 
