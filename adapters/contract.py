@@ -302,7 +302,8 @@ class World(Protocol):
 
 class Engine(Protocol):
     """An engine. `profiles` maps each profile's name to its native step [s], as in the registry. One that has
-    joints between bodies and exclusions of contact sets `plays_body_joints`."""
+    joints between bodies and exclusions of contact sets `plays_body_joints`; one that has laws of friction
+    beyond mu names them in `friction_laws` (of FRICTION_LAWS)."""
 
     name: ClassVar[str]
     profiles: ClassVar[Mapping[str, float]]

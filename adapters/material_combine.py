@@ -32,6 +32,11 @@ def frictions(scenario: Scenario) -> Pairs:
     return {pair: scenario.pair_coefficients(*pair)[1] for pair in scenario.touching_pairs()}
 
 
+def friction_lengths(scenario: Scenario, law: str) -> Pairs:
+    """Length of `rolling` or `torsional` friction per pair of bodies that can touch (a < b) [m]."""
+    return {pair: getattr(scenario.friction_law(*pair), law) for pair in scenario.touching_pairs()}
+
+
 def check_range(
     engine: str, kind: str, scenario: Scenario, wanted: Pairs, least: float = 0.0, greatest: float = inf
 ) -> None:
@@ -68,6 +73,29 @@ def product_factors(
     for body, factor in zip(scenario.bodies, factors):
         if factor > greatest:
             raise Unsupported(f"{engine}: {kind} of {body.name!r} would be {factor:g}, beyond {greatest:g}")
+    return factors
+
+
+def crossed_factors(
+    engine: str, kind: str, scenario: Scenario, wanted: Pairs, frictions: list[float]
+) -> list[float]:
+    """Factors r per body with r_a f_b + r_b f_a = the pair's length, for the factors f of friction.
+
+    The least ones in the sense of least squares. Raises Unsupported with the pairs if no factors exist.
+    """
+    factors = [0.0] * len(scenario.bodies)
+    if any(wanted.values()):
+        system = np.zeros((len(wanted), len(scenario.bodies)))
+        for row, (a, b) in zip(system, wanted):
+            row[a], row[b] = frictions[b], frictions[a]
+        factors = np.linalg.lstsq(system, np.array(list(wanted.values())), rcond=None)[0].tolist()
+        pairs = [
+            (a, b)
+            for (a, b), value in wanted.items()
+            if abs(factors[a] * frictions[b] + factors[b] * frictions[a] - value) > MIX_TOLERANCE
+        ]
+        if pairs:
+            raise Unsupported(f"{engine}: no {kind} per body gives the pairs {_named(scenario, pairs)}")
     return factors
 
 

@@ -30,6 +30,8 @@ TRACKED, UNMOVED = ("driven", "prescribed"), ("fixed", "prescribed")
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
+FRICTION_LAWS = ("static_friction", "rolling_friction", "torsional_friction")
+"""Fields of the coefficients of a pair that are effects of their own."""
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
 Law = Literal[
     "arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact", "tipping", "mechanism"

@@ -7,7 +7,7 @@ have their initial poses; that of an onset from the forces of two solves. No eve
 
 from math import acos, sqrt
 
-from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR
+from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR, RELEASED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import dot
 from touchstone.reference_impl.solver.islands import has_moment
@@ -54,7 +54,7 @@ def note_free_slip(bodies, pairs, count, state):
         pair = pairs[k]
         final_velocity(bodies, pair, state)
         slip = _slip(pair)
-        pair["free_slip"] = _along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
+        pair["free_slip"] = along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
         if has_moment(pair):
             relative_turn(bodies, pair, pair["free_turn"])
 
@@ -127,13 +127,13 @@ def _stop(bodies, pairs, k, h, state):
         j = n[0] * held[0] + n[1] * held[1] + n[2] * held[2]
         if j > 0 and slip > SLIP_MIN:
             v_n = final_velocity(bodies, pair, state)
-            along = _along_slip(pair, v) / slip
+            along = along_slip(pair, v) / slip
             rest = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - v_n * v_n
             fastest, last = max(fastest, slip), max(last, rest)
             turns = turns or along < -SLIP_MIN
             u, f, end = u + slip, f + pair["free_slip"], end + along
             rows += 1
-            p, limit = p - _along_slip(pair, held) / slip, limit + pair["friction"] * j
+            p, limit = p - along_slip(pair, held) / slip, limit + pair["friction"] * j
         k = pair["next_point"]
     if fastest <= SLIDE_MIN or limit == 0:
         return NEVER
@@ -169,7 +169,7 @@ def slip_turn(bodies, pair, state):
     if not led or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
         return 0.0
     v_n = final_velocity(bodies, pair, state)
-    across, along = sqrt(max(0.0, dot(v, v) - v_n * v_n)), _along_slip(pair, v) / slip
+    across, along = sqrt(max(0.0, dot(v, v) - v_n * v_n)), along_slip(pair, v) / slip
     return acos(min(1.0, along / across)) if along > 0 and across > SLIDE_MIN else 0.0
 
 
@@ -193,10 +193,11 @@ def first_onset(pairs, count, h, state):
                 now[i] += pairs[row]["resting_impulse"][i] / h
                 last[i] += pairs[row]["last_force"][i]
             row = pairs[row]["next_point"]
-        n, mu = pair["normal"], pair["friction"]
+        n, mu = pair["normal"], max(pair["friction"], pair["static"])
         if mu == 0 or _cone(n, mu, last, last) >= -CONE_CLOSE * (mu * dot(n, last)) ** 2:
             continue
-        if _cone(n, mu, now, now) >= -CONE_CLOSE * (mu * dot(n, now)) ** 2:
+        released = pair["static"] > 0 and pair["grip"] == RELEASED
+        if released or _cone(n, mu, now, now) >= -CONE_CLOSE * (mu * dot(n, now)) ** 2:
             return ONSET_SOUGHT
         for i in range(3):
             rate = (now[i] - last[i]) / (h - state["last_time"])
@@ -243,7 +244,7 @@ def _slip(pair):
 
 
 @kernel
-def _along_slip(pair, vector):
+def along_slip(pair, vector):
     """Dot product of a vector and the sliding velocity before the contact solve."""
     x, y, z = before_across(pair)
     return vector[0] * x + vector[1] * y + vector[2] * z

@@ -96,6 +96,8 @@ STATE = record(
     flight_horizon="i8",  # frames of flight that the fat bounds of simulated bodies enclose
     restitution=("f8", (8, 8)),  # per pair of materials
     friction_coefficient=("f8", (8, 8)),
+    statics="i8",  # 1: a pair has static friction
+    static_friction=("f8", (8, 8)),  # 0: that of sliding
     moments="i8",  # 1: a pair has rolling or torsional friction
     rolling=("f8", (8, 8)),  # their lengths [m]
     torsion=("f8", (8, 8)),
@@ -112,6 +114,7 @@ STATE = record(
     warm_start_pieces=("i8", (WARM_START_CAPACITY, 2)),
     warm_start_point=("f8", (WARM_START_CAPACITY, 3)),
     warm_start_force=("f8", (WARM_START_CAPACITY, 3)),
+    warm_start_stuck=("i8", (WARM_START_CAPACITY,)),
     warm_start_moment=("f8", (WARM_START_CAPACITY, 3)),
     # time from the substep's start to an earlier solve's end, negative of the substep before; 0: unknown [s]
     last_time="f8",

@@ -216,6 +216,12 @@ PAIR = record(
     surface_b=VECTOR,
     point=VECTOR,  # contact point at the start of a substep
     work="f8",  # of its friction over a substep [J]
+    # static friction (`grip`): coefficient of what sticks, 0 if it is no other; of what slides; GRIP_*; and
+    # whether it stuck at the end of the last substep
+    static="f8",
+    sliding_friction="f8",
+    grip="i8",
+    stuck="i8",
     # rolling and torsional friction: lengths [m], moment on B [N m s], length of the solver's row [m], and
     # angular velocity of B relative to A before the solve, and after forces without impulses [rad/s]
     rolling="f8",

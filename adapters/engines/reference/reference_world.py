@@ -389,8 +389,10 @@ def _set_coefficients(scenario: Scenario, world: World) -> None:
         restitution, friction = scenario.pair_coefficients(a, b)
         law = scenario.friction_law(a, b)
         for i, j in ((row, column), (column, row)):
+            world.state[0]["static_friction"][i, j] = law.static
             world.state[0]["rolling"][i, j], world.state[0]["torsion"][i, j] = law.rolling, law.torsional
             world.state[0]["restitution"][i, j] = restitution
             world.state[0]["friction_coefficient"][i, j] = friction if friction >= FRICTION_LEAST else 0.0
     lengths = world.state[0]["rolling"] + world.state[0]["torsion"]
     world.state[0]["moments"] = lengths.any()
+    world.state[0]["statics"] = world.state[0]["static_friction"].any()

@@ -99,7 +99,7 @@ def energy_ledger(context: Context) -> Values:
     """Energy that simulated bodies gain over the run, per mechanism [J], where the engine reports it.
 
     friction, restitution: J . (v- + v+) / 2 along the contact plane and along its normal, v of B relative to
-    A, without contacts of driven bodies. drive: the work of those. correction: the remaining change of K + U,
+    A, without contacts of driven bodies; friction with the work of rolling and torsional friction. drive: the work of those. correction: the remaining change of K + U,
     due to pose correction and integration. Truth: only drive is above zero.
     """
     if context.recording.facts["engine"] != "reference":
@@ -112,6 +112,7 @@ def energy_ledger(context: Context) -> Values:
     mean = rows["velocity_b_before"] - rows["velocity_a_before"]
     mean = (mean + rows["velocity_b_after"] - rows["velocity_a_after"]) / 2
     friction = np.einsum("ij,ij->i", tangential, mean)[free].sum()
+    friction += context.recording.work[:, context.recording.work_names == MOMENT_WORK].sum()
     restitution = (normal * np.einsum("ij,ij->i", rows["normal"], mean))[free].sum()
     drive = _work_of_driven_contacts(context)[-1]
     energy = mechanical_energy(context, context.simulated)
@@ -209,6 +210,8 @@ def _contact_work(context: Context, side: str, chosen: Mask) -> Array:
     return np.cumsum(by_frame)
 
 
+MOMENT_WORK = "moment_work"
+"""Counter of the reference: work of rolling and torsional friction in a frame [J]."""
 MOMENTUM_ROUNDING = 1e-12
 """Angular momentum over (sum m |v|) times the distance of the centres below which it is rounding [1]."""
 
