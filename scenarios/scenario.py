@@ -34,7 +34,8 @@ FRICTION_LAWS = ("static_friction", "rolling_friction", "torsional_friction")
 """Fields of the coefficients of a pair that are effects of their own."""
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
 Law = Literal[
-    "arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact", "tipping", "mechanism"
+    *("arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact", "tipping", "mechanism"),
+    "stick_slip",
 ]
 INTERPOLATIONS = ("pchip", "cubic", "linear", "held")
 UNBOUNDED = 1e30
@@ -355,7 +356,8 @@ class Truth(ShortRepr):
     which moves in a vertical plane without turning. turntable: a ball that rolls on a prescribed body, which
     turns about the vertical at a constant rate. smooth_contact: a ball, an ellipsoid or the rim of a cylinder
     on fixed boxes, or a ball on fixed balls. tipping: a prism that tips from edge to edge down a fixed slope,
-    e = 0. mechanism: bodies that joints without limits connect, without contact.
+    e = 0. mechanism: bodies that joints without limits connect, without contact. stick_slip: a body that a
+    spring holds on a moving surface.
     """
 
     body: str

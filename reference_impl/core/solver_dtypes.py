@@ -139,6 +139,7 @@ SOLVER = record(
     block_count="i8",
     block_place=("i8", (2 + 2 * HINGE_BLOCKS,)),
     block=("f8", (2 + 2 * HINGE_BLOCKS, 3, 6)),
+    outer=("f8", (2, 2 + 2 * HINGE_BLOCKS, 6)),  # two vectors over the blocks, whose product is added
     order=("i8", (NEWTON_MOVERS,)),  # mover of each block
     # envelope: blocks (p, q) and (q, p), p >= q, from entry 36 (offset[p] + q) of their half; first q of p
     offset=("i8", (NEWTON_MOVERS,)),

@@ -34,10 +34,12 @@ from touchstone.reference_impl.solver.envelope import (
 )
 from touchstone.reference_impl.solver.face_load import even_out
 from touchstone.reference_impl.solver.moment_rows import (
+    add_load_changes,
     add_soft_moments,
     advance_moments,
     begin_moment_steps,
     begin_soft_moments,
+    follow_loads,
     into_bounds,
     set_moment_rates,
     subtract_soft_moments,
@@ -112,6 +114,7 @@ def newton(solver, evenly, patient, state):
             p[0], p[1], p[2] = _project(rows[k], 0.0)
             # rounding of a large z can leave the cone
             into_cone(rows[k])
+        follow_loads(solver, 0.0)
         take_soft_moments(solver)
         into_bounds(solver)
         rebuild(solver)
@@ -225,6 +228,7 @@ def _gradient(solver, s):
         row = solver["rows"][k]
         px, py, pz = _project(row, s)
         subtract_impulse(solver, row, px, py, pz)
+    follow_loads(solver, s)
     subtract_soft_moments(solver, s)
     size = 0.0
     for m in range(solver["mover_count"]):
@@ -243,7 +247,9 @@ def _assemble(solver):
     for k in range(solver["row_count"]):
         if _derivative(solver["rows"][k], solver["kernel"]):
             add_row(solver, solver["rows"][k])
+    follow_loads(solver, 0.0)
     add_soft_moments(solver)
+    add_load_changes(solver)
 
 
 @kernel

@@ -186,7 +186,11 @@ def _load_moment(bodies, drivers, pair, lead, state):
     if solver["moment_count"] == MOMENT_CAPACITY:
         state["counters"][COUNT_LOST] += 1
         return
-    moment, row, u = solver["moments"][solver["moment_count"]], solver["rows"][pair["solver_row"]], pair["moment"]
+    moment, row, u = (
+        solver["moments"][solver["moment_count"]],
+        solver["rows"][pair["solver_row"]],
+        pair["moment"],
+    )
     moment["row"], moment["arm"] = pair["solver_row"], 1.0
     solver["moment_count"] += 1
     w = moment["mobility"]

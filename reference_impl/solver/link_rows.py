@@ -257,6 +257,26 @@ def add_listed(solver):
                     _add_row(lower, at + np.uint64(6 * r), a, _six(j, 0), b, _six(j, 1), c, _six(j, 2))
 
 
+@kernel
+def add_product(solver):
+    """Add a b' to the matrix, with a and b the vectors `outer` of the listed blocks."""
+    lower, upper = solver["lower"], solver["upper"]
+    for i in range(solver["block_count"]):
+        p, b = solver["block_place"][i], solver["outer"][1, i]
+        for other in range(solver["block_count"]):
+            q, a = solver["block_place"][other], solver["outer"][0, other]
+            at = 36 * (solver["offset"][max(p, q)] + min(p, q))
+            # stored as in `add_listed`
+            for r in range(6):
+                for c in range(6):
+                    if q < p:
+                        upper[at + 6 * r + c] += a[r] * b[c]
+                    elif q == p:
+                        lower[at + 6 * r + c] += a[r] * b[c]
+                    else:
+                        lower[at + 6 * r + c] += b[r] * a[c]
+
+
 @inlined_kernel
 def _six(j, i):
     """Row i of a 3 x 6 block."""

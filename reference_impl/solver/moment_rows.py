@@ -1,21 +1,28 @@
 """Rows of rolling and torsional friction: moments that a contact bears beside its impulse.
 
 A contact that presses with the normal impulse j bears a moment on B, and its opposite on A: across the normal
-up to the rolling length times j, along it up to the torsional length times j. Within these bounds it takes the
-most power from the relative angular velocity, as Coulomb's friction does from the slip: what turns is braked
-by all of it, what does not turn is held by up to that.
+up to the rolling length times j, along it up to the torsional length times j. Within these bounds it takes
+the most power from the relative angular velocity, as Coulomb's friction does from the slip: what turns is
+braked by all of it, what does not turn is held by up to that.
 
 With the angular velocity w of B relative to A and the moment M, a row has u = arm w and p = M / arm, where
 turning at the `arm` is as mobile as the contact's translation. So its unit, mass and residual are those of
-the rows of contacts. Bounds follow the normal impulses of each sweep, and stay fixed in each outer iteration
-of Newton's method, of which the residual is the judge.
+the rows of contacts. Bounds follow the normal impulses of each sweep, and in Newton's method those of each
+velocity; the interior-point method takes a proximal step of the moments along with each of its own.
 """
 
 from math import sqrt
 
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, dot
-from touchstone.reference_impl.solver.link_rows import add_listed, link_turn, list_turns, turn_link
+from touchstone.reference_impl.solver.link_rows import (
+    add_listed,
+    add_product,
+    link_turn,
+    list_blocks,
+    list_turns,
+    turn_link,
+)
 
 ROLL_STEPS, ROLL_ROUNDING = 40, 1e-15
 """Iterations for the moment of a row that rolls (5 are usual), and relative deviation from its bound at which
@@ -223,7 +230,7 @@ def oppose_mean_turn(solver):
 
 @kernel
 def begin_soft_moments(solver, compliance, heaviest):
-    """Centre the moments for an outer iteration of Newton's method, with bounds by the present loads.
+    """Centre the moments for an iteration of a proximal method, with bounds by the present loads.
 
     Args:
         heaviest: mass of all rows [kg], or 0: each has its own.
@@ -233,6 +240,16 @@ def begin_soft_moments(solver, compliance, heaviest):
         moment["stiffness"] = (heaviest if heaviest > 0 else moment["mass"]) / compliance
         moment["load"] = _load(solver["rows"][moment["row"]])
         copy_vector(moment["impulse"], moment["centre"])
+
+
+@kernel
+def follow_loads(solver, s):
+    """Bound the moments by the normal impulses of Newton's method at fraction s of its step."""
+    for k in range(solver["moment_count"]):
+        row = solver["rows"][solver["moments"][k]["row"]]
+        n, stiffness = row["normal"], row["stiffness"]
+        speed = dot(n, row["velocity"]) + s * dot(n, row["rate"]) - row["floor"]
+        solver["moments"][k]["load"] = max(0.0, dot(n, row["centre"]) - stiffness * speed)
 
 
 @kernel
@@ -275,14 +292,6 @@ def subtract_soft_moments(solver, s):
 
 
 @kernel
-def subtract_moments(solver):
-    """Subtract J^T p of all moments from the gradient."""
-    for k in range(solver["moment_count"]):
-        p = solver["moments"][k]["impulse"]
-        _subtract(solver, solver["moments"][k], p[0], p[1], p[2])
-
-
-@kernel
 def _subtract(solver, moment, px, py, pz):
     list_turns(solver, moment)
     for k in range(solver["block_count"]):
@@ -299,6 +308,58 @@ def add_soft_moments(solver):
         if _derivative(moment, solver["rows"][moment["row"]], solver["kernel"]):
             list_turns(solver, moment)
             add_listed(solver)
+
+
+@kernel
+def add_load_changes(solver):
+    """Add to the matrix of Newton's method how the bounds of the moments follow the normal impulses: (J' g)
+    (k J' n)', with g the change of a moment per load, and k n' J that of the load."""
+    for k in range(solver["moment_count"]):
+        moment = solver["moments"][k]
+        row = solver["rows"][moment["row"]]
+        if moment["load"] == 0 or not _change_per_load(moment, row, moment["swept"]):
+            continue
+        list_turns(solver, moment)
+        _sum_blocks(solver, moment["swept"], 1.0, 0)
+        list_blocks(solver, row)
+        _sum_blocks(solver, row["normal"], row["stiffness"], 1)
+        add_product(solver)
+
+
+@kernel
+def _change_per_load(moment, row, out_change):
+    """Derivative of a row's impulse with respect to its load [1]; returns whether it is not zero."""
+    c, n, u, k = moment["centre"], row["normal"], moment["velocity"], moment["stiffness"]
+    x, y, z = c[0] - k * u[0], c[1] - k * u[1], c[2] - k * u[2]
+    along = x * n[0] + y * n[1] + z * n[2]
+    x, y, z = x - along * n[0], y - along * n[1], z - along * n[2]
+    size = sqrt(x * x + y * y + z * z)
+    roll = moment["rolling"] / size if size > moment["rolling"] * moment["load"] else 0.0
+    twist = moment["torsion"] if abs(along) > moment["torsion"] * moment["load"] else 0.0
+    twist = twist if along > 0 else -twist
+    for i, value in enumerate((x, y, z)):
+        out_change[i] = roll * value + twist * n[i]
+    return roll != 0 or twist != 0
+
+
+@kernel
+def _sum_blocks(solver, v, factor, side):
+    """Set `outer[side]` of the listed blocks to J' v times a factor."""
+    for k in range(solver["block_count"]):
+        j = solver["block"][k]
+        for c in range(6):
+            solver["outer"][side, k, c] = factor * (j[0, c] * v[0] + j[1, c] * v[1] + j[2, c] * v[2])
+
+
+@kernel
+def step_soft_moments(solver, s):
+    """Take a fraction of a proximal step: towards the impulses at the rates of a full one."""
+    set_moment_rates(solver)
+    for k in range(solver["moment_count"]):
+        moment = solver["moments"][k]
+        p, d = moment["impulse"], _project(moment, solver["rows"][moment["row"]], 1.0)
+        for i in range(3):
+            p[i] += s * (d[i] - p[i])
 
 
 @kernel

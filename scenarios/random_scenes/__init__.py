@@ -40,6 +40,8 @@ ROUND_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"cylinder": piles.cyl
 """Kinds with cylinders, that are used on request only: a seed of KINDS stays what it is."""
 TERRAIN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"terrain": piles.terrain}
 """Kinds on height fields, that are used on request only."""
+FRICTION_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"friction": piles.resisting}
+"""Kinds with friction beyond mu, that are used on request only."""
 DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "grip": driven.grips,
     "drag": driven.drags,
@@ -50,7 +52,7 @@ DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "person": driven.persons,
 }
 """Kinds with drivers of all masses and stiffnesses, that are used on request only."""
-ALL_KINDS = {**KINDS, **FAST_KINDS, **ROUND_KINDS, **TERRAIN_KINDS, **DRIVEN_KINDS}
+ALL_KINDS = {**KINDS, **FAST_KINDS, **ROUND_KINDS, **TERRAIN_KINDS, **FRICTION_KINDS, **DRIVEN_KINDS}
 FRAME_RATE = 60
 FRAMES = (42, 73)
 """Range of the number of frames: 0.7 to 1.2 s, in which drops of a few centimetres land and settle."""
@@ -87,7 +89,10 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
         summary=f"{kind}: {setup.summary}; e = {e:.3g}, mu = {mu:.3g}",
         tags=tuple(tags),
         bodies=(*setup.bodies, *(body for driver in drivers for body in driver.bodies)),
-        coefficients=tuple(PairCoefficients(a, b, e, mu) for a, b in materials),
+        coefficients=tuple(
+            PairCoefficients(a, b, e, mu, setup.static * mu, setup.rolling, setup.torsional)
+            for a, b in materials
+        ),
         duration=duration,
         joints=tuple(joint for driver in drivers for joint in driver.joints),
         trackers=tuple(driver.tracker for driver in drivers),

@@ -51,7 +51,8 @@ class Driven:
 @dataclass(frozen=True, slots=True)
 class Setup:
     """Contents of a scene of some kind, without the bodies of `hand`, which is set if a driven body presses,
-    and those of its other drivers."""
+    and those of its other drivers. `static` is the coefficient of static friction over mu [1], the others
+    are lengths [m]."""
 
     summary: str
     bodies: Sequence[Body]
@@ -59,6 +60,9 @@ class Setup:
     hand: Pressing | None = None
     gravity: bool = True
     driven: Sequence[Driven] = ()
+    static: float = 0.0
+    rolling: float = 0.0
+    torsional: float = 0.0
 
 
 def random_gap(rng: Generator, largest: float = DROP) -> float:

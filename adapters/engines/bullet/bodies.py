@@ -64,9 +64,9 @@ class Factors(NamedTuple):
     length, as moments are bounded by it times the normal impulse."""
 
     restitution: float
-    lateralFriction: float  # noqa: N815
-    rollingFriction: float  # noqa: N815
-    spinningFriction: float  # noqa: N815
+    lateralFriction: float
+    rollingFriction: float
+    spinningFriction: float
 
 
 class Bodies:

@@ -126,7 +126,9 @@ def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, setti
     if settings.profile not in PULLING:
         check_range("mujoco", "restitution", scenario, restitutions(scenario), least=RESTITUTION_MIN)
     moments = friction_lengths(scenario, "rolling"), friction_lengths(scenario, "torsional")
-    slippery = [pair for pair, mu in frictions(scenario).items() if mu == 0 < moments[0][pair] + moments[1][pair]]
+    slippery = [
+        pair for pair, mu in frictions(scenario).items() if mu == 0 < moments[0][pair] + moments[1][pair]
+    ]
     if slippery:
         a, b = (scenario.bodies[k].name for k in slippery[0])
         raise Unsupported(f"mujoco: rolling or torsional friction needs friction, found none of {a} and {b}")

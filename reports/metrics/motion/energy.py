@@ -99,8 +99,9 @@ def energy_ledger(context: Context) -> Values:
     """Energy that simulated bodies gain over the run, per mechanism [J], where the engine reports it.
 
     friction, restitution: J . (v- + v+) / 2 along the contact plane and along its normal, v of B relative to
-    A, without contacts of driven bodies; friction with the work of rolling and torsional friction. drive: the work of those. correction: the remaining change of K + U,
-    due to pose correction and integration. Truth: only drive is above zero.
+    A, without contacts of driven bodies; friction includes that of rolling and torsional friction. drive: the
+    work of those. correction: the remaining change of K + U, due to pose correction and integration. Truth:
+    only drive is above zero.
     """
     if context.recording.facts["engine"] != "reference":
         raise NotMeasured("only the reference tells impulses with the velocities before and after each")
