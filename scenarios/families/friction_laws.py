@@ -123,6 +123,7 @@ def slope_of_balls() -> Scenario:
         tags=TAGS,
         bodies=(slab("slope", "slope", vector(up), turn), *bodies),
         coefficients=tuple(pairs),
+        contact_exclusions=(tuple(lengths),),
         duration=1.5,
         truths=tuple(truths),
     )
