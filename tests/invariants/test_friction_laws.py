@@ -46,7 +46,7 @@ def test_bodies_follow_the_closed_form(scene: str, profile: str) -> None:
 
 @pytest.mark.parametrize("scene", ["rolls_to_rest", "spins_to_rest"])
 def test_moments_take_the_energy(scene: str) -> None:
-    """The work that is told is the energy of the motion that they end."""
+    """The recorded work is the energy of the motion that they end."""
     scenario = catalogue()[scene]
     run = record(load("reference"), scenario, Settings("balanced", FRAME))
     work = run.work[:, run.work_names == "moment_work"].sum()
