@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +128,7 @@ class Plan:
         if not self.on("reach_cones"):
             chains = tuple(replace(chain, cones=()) for chain in chains)
         trackers = tuple(map(self._shown, scenario.trackers))
-        left_out = dict.fromkeys((name for name in FRICTION_LAWS if not self.on(name)), 0.0)
+        left_out: dict[str, Any] = dict.fromkeys((name for name in FRICTION_LAWS if not self.on(name)), 0.0)
         coefficients = tuple(replace(pair, **left_out) for pair in scenario.coefficients)
         return scenario.reduced(
             bodies=bodies, effects=effects, chains=chains, trackers=trackers, coefficients=coefficients

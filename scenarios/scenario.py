@@ -34,7 +34,14 @@ FRICTION_LAWS = ("static_friction", "rolling_friction", "torsional_friction")
 """Fields of the coefficients of a pair that are effects of their own."""
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
 Law = Literal[
-    *("arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact", "tipping", "mechanism"),
+    "arcs",
+    "torque_free",
+    "coupling",
+    "carried",
+    "turntable",
+    "smooth_contact",
+    "tipping",
+    "mechanism",
     "stick_slip",
 ]
 INTERPOLATIONS = ("pchip", "cubic", "linear", "held")

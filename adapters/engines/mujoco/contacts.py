@@ -130,8 +130,8 @@ def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, setti
         pair for pair, mu in frictions(scenario).items() if mu == 0 < moments[0][pair] + moments[1][pair]
     ]
     if slippery:
-        a, b = (scenario.bodies[k].name for k in slippery[0])
-        raise Unsupported(f"mujoco: rolling or torsional friction needs friction, found none of {a} and {b}")
+        one, two = (scenario.bodies[k].name for k in slippery[0])
+        raise Unsupported(f"mujoco: rolling or torsional friction needs mu > 0, found 0 for {one} and {two}")
     has_moments = any(any(lengths.values()) for lengths in moments)
     if has_moments or "solreffriction" in SETTINGS.in_force(settings.profile, settings.changes):
         # Geoms have no solreffriction, and masks choose by restitution and friction.
