@@ -11,6 +11,7 @@ from collections.abc import Callable
 from math import inf
 
 import numpy as np
+from scipy.optimize import nnls
 
 from touchstone.adapters.contract import Unsupported
 from touchstone.scenarios.scenario import Scenario
@@ -81,14 +82,14 @@ def crossed_factors(
 ) -> list[float]:
     """Factors r per body with r_a f_b + r_b f_a = the pair's length, for the factors f of friction.
 
-    The least ones in the sense of least squares. Raises Unsupported with the pairs if no factors exist.
+    Raises Unsupported with the pairs if no factors exist that are not negative.
     """
     factors = [0.0] * len(scenario.bodies)
     if any(wanted.values()):
         system = np.zeros((len(wanted), len(scenario.bodies)))
         for row, (a, b) in zip(system, wanted):
             row[a], row[b] = frictions[b], frictions[a]
-        factors = np.linalg.lstsq(system, np.array(list(wanted.values())), rcond=None)[0].tolist()
+        factors = nnls(system, np.array(list(wanted.values())))[0].tolist()
         pairs = [
             (a, b)
             for (a, b), value in wanted.items()
