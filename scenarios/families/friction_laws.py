@@ -30,7 +30,7 @@ from touchstone.scenarios.scenario import (
 from touchstone.scenarios.solids import ball, block, slab
 
 TAGS = ("friction_laws",)
-RADIUS, HALF, LANE, SIDES = 0.05, 0.1, 0.5, 2 / 5
+RADIUS, HALF, LANE, INERTIA = 0.05, 0.1, 0.5, 2 / 5
 """Radius of a ball, half an edge of a block, distance of neighbours [m]; inertia of a ball over m r^2 [1]."""
 MU = 0.5
 ROLLING, SPINNING = 2e-3, 1e-3
@@ -44,7 +44,7 @@ SLOPE = 10.0
 @scene
 def rolls_to_rest() -> Scenario:
     """Balls roll to rest at three headings."""
-    pull = ROLLING / RADIUS * GRAVITY / (1 + SIDES)
+    pull = ROLLING / RADIUS * GRAVITY / (1 + INERTIA)
     bodies, truths = [], []
     for k, heading in enumerate((0.0, 30.0, 90.0)):
         turn = radians(heading)
@@ -82,7 +82,7 @@ def spins_to_rest() -> Scenario:
     bodies, truths = [], []
     for k, (name, mass) in enumerate((("light", 0.1), ("heavy", 10.0))):
         start = (0.0, LANE * k, RADIUS)
-        slows = SPINNING * GRAVITY / (SIDES * RADIUS**2)
+        slows = SPINNING * GRAVITY / (INERTIA * RADIUS**2)
         arcs = (
             Arc(0.0, start, angular_velocity=(0.0, 0.0, SPIN), angular_acceleration=(0.0, 0.0, -slows)),
             Arc(SPIN / slows, start),
@@ -109,7 +109,7 @@ def slope_of_balls() -> Scenario:
     for k, (name, length) in enumerate(lengths.items()):
         start = vector(RADIUS * up + (0.0, LANE * k, 0.0))
         share = max(0.0, sin(radians(SLOPE)) - length / RADIUS * cos(radians(SLOPE)))
-        pull = GRAVITY * share / (1 + SIDES)
+        pull = GRAVITY * share / (1 + INERTIA)
         arc = Arc(
             0.0, start, acceleration=vector(pull * downhill), angular_acceleration=(0.0, pull / RADIUS, 0.0)
         )

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import (
     BODIES,
+    MOMENT_WORK,
     AdapterError,
     BodyFacts,
     Manifest,
@@ -372,7 +373,7 @@ class _World:
         left["dropped_time"] *= self._units.time
         left["parted_energy"] *= self._units.mass * self._units.length
         if self._state["moments"]:
-            left["moment_work"] = float(self._state["moment_work"]) * self._units.mass * self._units.length
+            left[MOMENT_WORK] = float(self._state["moment_work"]) * self._units.mass * self._units.length
         return counted | left
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array
+from touchstone.adapters.contract import MOMENT_WORK, Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.motion.joints import driving, spring_energy
 from touchstone.reports.metrics.posture import limit_excess
@@ -211,8 +211,6 @@ def _contact_work(context: Context, side: str, chosen: Mask) -> Array:
     return np.cumsum(by_frame)
 
 
-MOMENT_WORK = "moment_work"
-"""Counter of the reference: work of rolling and torsional friction in a frame [J]."""
 MOMENTUM_ROUNDING = 1e-12
 """Angular momentum over (sum m |v|) times the distance of the centres below which it is rounding [1]."""
 
