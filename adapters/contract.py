@@ -34,6 +34,8 @@ DRIVES = ("native", "torque", "posed")
 servos (default), by explicit forces and torques held constant over a step, or not at all because links are
 kinematic (`posed_drive.py`)."""
 
+MOMENT_WORK = "moment_work"
+"""Counter of the reference: work of rolling and torsional friction [J], where a scene has any."""
 RESIDUAL_COUNTERS = ("residual", "residual.body_a", "residual.body_b")
 """Counters that belong together: the largest speed by which a contact violates its law after the solve [m/s],
 and the indices of its bodies (-1: none). Over several steps, those of the largest residual are kept."""
@@ -302,7 +304,8 @@ class World(Protocol):
 
 class Engine(Protocol):
     """An engine. `profiles` maps each profile's name to its native step [s], as in the registry. One that has
-    joints between bodies and exclusions of contact sets `plays_body_joints`."""
+    joints between bodies and exclusions of contact sets `plays_body_joints`; one that has laws of friction
+    beyond mu names them in `friction_laws` (of FRICTION_LAWS)."""
 
     name: ClassVar[str]
     profiles: ClassVar[Mapping[str, float]]

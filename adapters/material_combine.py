@@ -11,6 +11,7 @@ from collections.abc import Callable
 from math import inf
 
 import numpy as np
+from scipy.optimize import nnls
 
 from touchstone.adapters.contract import Unsupported
 from touchstone.scenarios.scenario import Scenario
@@ -30,6 +31,11 @@ def restitutions(scenario: Scenario) -> Pairs:
 def frictions(scenario: Scenario) -> Pairs:
     """Friction per pair of bodies that can touch (a < b)."""
     return {pair: scenario.pair_coefficients(*pair)[1] for pair in scenario.touching_pairs()}
+
+
+def friction_lengths(scenario: Scenario, law: str) -> Pairs:
+    """Length of `rolling` or `torsional` friction per pair of bodies that can touch (a < b) [m]."""
+    return {pair: getattr(scenario.friction_law(*pair), law) for pair in scenario.touching_pairs()}
 
 
 def check_range(
@@ -68,6 +74,29 @@ def product_factors(
     for body, factor in zip(scenario.bodies, factors):
         if factor > greatest:
             raise Unsupported(f"{engine}: {kind} of {body.name!r} would be {factor:g}, beyond {greatest:g}")
+    return factors
+
+
+def crossed_factors(
+    engine: str, kind: str, scenario: Scenario, wanted: Pairs, frictions: list[float]
+) -> list[float]:
+    """Factors r per body with r_a f_b + r_b f_a = the pair's length, for the factors f of friction.
+
+    Raises Unsupported with the pairs if no factors exist that are not negative.
+    """
+    factors = [0.0] * len(scenario.bodies)
+    if any(wanted.values()):
+        system = np.zeros((len(wanted), len(scenario.bodies)))
+        for row, (a, b) in zip(system, wanted):
+            row[a], row[b] = frictions[b], frictions[a]
+        factors = nnls(system, np.array(list(wanted.values())))[0].tolist()
+        pairs = [
+            (a, b)
+            for (a, b), value in wanted.items()
+            if abs(factors[a] * frictions[b] + factors[b] * frictions[a] - value) > MIX_TOLERANCE
+        ]
+        if pairs:
+            raise Unsupported(f"{engine}: no {kind} per body gives the pairs {_named(scenario, pairs)}")
     return factors
 
 

@@ -34,7 +34,7 @@ from touchstone.scenarios.effects import EFFECT_TABLE
 from touchstone.scenarios.files.write import scene_data
 from touchstone.scenarios.places import coinciding
 from touchstone.scenarios.plan import Decision, Plan
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import FRICTION_LAWS, Scenario
 from touchstone.scenarios.truths.pair_groups import grouped
 
 WARM_UP_FRAMES = 3
@@ -95,7 +95,7 @@ def build(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[World
     """A world that simulates the effects of the plan only, its settings, and the plan.
 
     Raises AdapterError if two bodies start at the same place: engines resolve this arbitrarily; Unsupported
-    if the scene has joints between bodies or exclusions of contact, and the engine none.
+    if the scene has joints between bodies, exclusions of contact or laws of friction that the engine lacks.
     """
     fault = coinciding(scenario)
     if fault:
@@ -106,6 +106,10 @@ def build(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[World
     if scenario.contact_exclusions and not getattr(engine, "plays_body_joints", False):
         raise Unsupported(f"{name}: the adapter has no exclusions of contact")
     applied, settings, plan = planned_for(name, scenario, settings)
+    for law in FRICTION_LAWS:
+        asked = any(getattr(pair, law) > 0 for pair in applied.coefficients)
+        if asked and law not in getattr(engine, "friction_laws", ()):
+            raise Unsupported(f"{name}: the adapter has no {law.replace('_', ' ')}")
     return engine.build(applied, settings), settings, plan
 
 

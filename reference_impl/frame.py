@@ -13,7 +13,7 @@ from touchstone.reference_impl.broad_phase.detection import (
 from touchstone.reference_impl.broad_phase.fat_bounds import is_isolated, reset_fat_bounds, update_fat_bounds
 from touchstone.reference_impl.broad_phase.spatial_hash import list_pieces
 from touchstone.reference_impl.contact.contact_events import first_return
-from touchstone.reference_impl.contact.contact_log import shorten_resting_contacts
+from touchstone.reference_impl.contact.contact_log import note_moment_work, shorten_resting_contacts
 from touchstone.reference_impl.contact.energy_guard import guard_energy, note_energy
 from touchstone.reference_impl.contact.impact import resolve_impacts
 from touchstone.reference_impl.contact.integrate import (
@@ -134,7 +134,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["counters"][:] = 0
     s["stage_seconds"][:] = 0.0
     s["contact_count"] = 0
-    s["residual"] = s["dropped_time"] = s["parted_energy"] = s["guarded_energy"] = 0.0
+    s["residual"] = s["dropped_time"] = s["parted_energy"] = s["guarded_energy"] = s["moment_work"] = 0.0
     s["newton_work"] = NEWTON_WORK
     s["missed_before"], s["missed"] = s["missed"], 0
     s["residual_body_a"] = s["residual_body_b"] = -1
@@ -221,7 +221,7 @@ def _fly(world):
 def _simulate(world):
     """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
     bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
-    vertices, state = world.vertices, world.state
+    vertices, pairs, state = world.vertices, world.pairs, world.state
     left = state["dt"]
     if state["skip_drive"] == 0 and state["driven_isolated"] == 0:
         for d in range(state["driven_count"]):
@@ -273,6 +273,8 @@ def _simulate(world):
             state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
             h, fraction = _substep(world, touching, time, h)
         state["parted_energy"] += state["unpaid_energy"]
+        if state["moments"] == 1:
+            note_moment_work(bodies, pairs, touching, fraction, state)
         left -= fraction * h
         if left <= TIME_MIN:
             break

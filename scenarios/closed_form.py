@@ -23,6 +23,7 @@ from touchstone.scenarios.scenario import Arc, Body, Scenario, Sphere, Tracker, 
 from touchstone.scenarios.truths.body_motion import Array, Motion
 from touchstone.scenarios.truths.mechanism import mechanism_motion
 from touchstone.scenarios.truths.smooth_contact import smooth_contact
+from touchstone.scenarios.truths.stick_slip import stick_slip
 from touchstone.scenarios.truths.tipping import tipping
 
 EVENT_GRID = 1e-3
@@ -56,6 +57,8 @@ def motion(scenario: Scenario, truth: Truth, times: Array) -> Motion:
             return tipping(scenario, body, times)
         case "mechanism":
             return mechanism_motion(scenario, body, times)
+        case "stick_slip":
+            return stick_slip(scenario, body, times)
 
 
 def support(scenario: Scenario) -> tuple[int, Tracker]:

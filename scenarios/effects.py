@@ -73,7 +73,32 @@ def _restitution(known: Meetings) -> Need:
 
 
 def _friction(known: Meetings) -> Need:
-    return _coefficient(known, 1, "mu")
+    needed, reason = _coefficient(known, 1, "mu")
+    for moment in (_rolling_friction, _torsional_friction):
+        if not needed:
+            needed, other = moment(known)
+            reason = other if needed else reason
+    return needed, reason
+
+
+def _static_friction(known: Meetings) -> Need:
+    return _beyond_mu(known, "static", "", "every pair that can meet sticks by its mu alone")
+
+
+def _rolling_friction(known: Meetings) -> Need:
+    return _beyond_mu(known, "rolling", " m", "no pair that can meet has a length of rolling friction")
+
+
+def _torsional_friction(known: Meetings) -> Need:
+    return _beyond_mu(known, "torsional", " m", "no pair that can meet has a length of torsional friction")
+
+
+def _beyond_mu(known: Meetings, law: str, unit: str, without: str) -> Need:
+    for pair in known.meeting:
+        value = getattr(known.scenario.friction_law(*pair), law)
+        if value > 0:
+            return True, f"{law} friction of {value:g}{unit} between {known.named([pair])}"
+    return False, without if known.meeting else "no pair can meet"
 
 
 def _coefficient(known: Meetings, which: int, symbol: str) -> Need:
@@ -154,7 +179,9 @@ def _rotation(known: Meetings) -> Need:
     for pair in known.meeting:
         for k in simulated & set(pair):
             body, other = scenario.bodies[k], scenario.bodies[sum(pair) - k]
-            by_rounding = scenario.pair_coefficients(*pair)[1] == 0 and centred_ball(body)
+            law = scenario.friction_law(*pair)
+            frictionless = scenario.pair_coefficients(*pair)[1] + law.rolling + law.torsional == 0
+            by_rounding = frictionless and centred_ball(body)
             how = " by rounding" if by_rounding else ""
             return True, f"contact with {other.name} can turn {body.name}{how}"
     return False, "no body spins, and nothing can turn one"
@@ -198,6 +225,9 @@ EFFECT_TABLE: dict[str, Effect] = {
         Effect("rotation", "rot", _rotation, stage="rotation"),
         Effect("restitution", "rest", _restitution),
         Effect("friction", "fric", _friction),
+        Effect("static_friction", "stat", _static_friction),
+        Effect("rolling_friction", "roll", _rolling_friction),
+        Effect("torsional_friction", "tors", _torsional_friction),
         Effect("contact", "cont", _contact, stage="contact"),
         Effect("self_collision", "self", _self_collision),
         Effect("overlap_removal", "rem", _overlap_removal, stage="removal", only="reference"),

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.scenarios.effects import EFFECT_TABLE, PLANNED, Array, Meetings, Pair
-from touchstone.scenarios.scenario import Body, Scenario, Tracker
+from touchstone.scenarios.scenario import FRICTION_LAWS, Body, Scenario, Tracker
 
 State = Literal["needed", "not needed", "forced on", "forced off"]
 INERTIA_FACTOR = 1e9
@@ -128,7 +128,11 @@ class Plan:
         if not self.on("reach_cones"):
             chains = tuple(replace(chain, cones=()) for chain in chains)
         trackers = tuple(map(self._shown, scenario.trackers))
-        return scenario.reduced(bodies=bodies, effects=effects, chains=chains, trackers=trackers)
+        left_out: dict[str, Any] = dict.fromkeys((name for name in FRICTION_LAWS if not self.on(name)), 0.0)
+        coefficients = tuple(replace(pair, **left_out) for pair in scenario.coefficients)
+        return scenario.reduced(
+            bodies=bodies, effects=effects, chains=chains, trackers=trackers, coefficients=coefficients
+        )
 
     def _shown(self, tracker: Tracker) -> Tracker:
         """Tracker without motion that nothing follows: constant joints without attraction, and a constant

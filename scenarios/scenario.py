@@ -30,9 +30,19 @@ TRACKED, UNMOVED = ("driven", "prescribed"), ("fixed", "prescribed")
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EFFECTS = ("gravity", "restitution", "friction", "self_collision")
+FRICTION_LAWS = ("static_friction", "rolling_friction", "torsional_friction")
+"""Fields of the coefficients of a pair that are effects of their own."""
 EVENTS = ("touch", "roll", "leave", "land", "meet", "part")
 Law = Literal[
-    "arcs", "torque_free", "coupling", "carried", "turntable", "smooth_contact", "tipping", "mechanism"
+    "arcs",
+    "torque_free",
+    "coupling",
+    "carried",
+    "turntable",
+    "smooth_contact",
+    "tipping",
+    "mechanism",
+    "stick_slip",
 ]
 INTERPOLATIONS = ("pchip", "cubic", "linear", "held")
 UNBOUNDED = 1e30
@@ -270,12 +280,31 @@ class Tracker(ShortRepr):
 
 @dataclass(frozen=True, slots=True)
 class PairCoefficients:
-    """Restitution e and Coulomb friction mu of a pair of materials."""
+    """Restitution e and Coulomb friction mu of a pair of materials, and what its friction has beyond that.
+
+    A contact that presses with the force N resists rolling with a moment of up to `rolling_friction` N across
+    its normal, and spinning with one of up to `torsional_friction` N along it: lengths [m]. All of it opposes
+    the angular velocity of one body relative to the other; what does not turn is held. A contact that sticks
+    bears up to `static_friction` N; 0: as much as one that slides, `friction` N.
+    """
 
     material_a: str
     material_b: str
     restitution: float
     friction: float
+    static_friction: float = 0.0
+    rolling_friction: float = 0.0
+    torsional_friction: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionLaw:
+    """What the friction of two bodies has beyond mu: coefficient of what sticks [1], 0 or at least mu, and
+    lengths of rolling and torsional friction [m]."""
+
+    static: float = 0.0
+    rolling: float = 0.0
+    torsional: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,7 +363,8 @@ class Truth(ShortRepr):
     which moves in a vertical plane without turning. turntable: a ball that rolls on a prescribed body, which
     turns about the vertical at a constant rate. smooth_contact: a ball, an ellipsoid or the rim of a cylinder
     on fixed boxes, or a ball on fixed balls. tipping: a prism that tips from edge to edge down a fixed slope,
-    e = 0. mechanism: bodies that joints without limits connect, without contact.
+    e = 0. mechanism: bodies that joints without limits connect, without contact. stick_slip: a body that a
+    spring holds on a moving surface.
     """
 
     body: str
@@ -445,7 +475,18 @@ class Scenario(ShortRepr):
 
     def pair_coefficients(self, a: int, b: int) -> tuple[float, float]:
         """Restitution and friction of the bodies with index a and b; zero if the effect is off."""
-        wanted = {self.bodies[a].material, self.bodies[b].material}
-        pair = next(c for c in self.coefficients if {c.material_a, c.material_b} == wanted)
+        pair = self._coefficients(a, b)
         e, mu = pair.restitution, pair.friction
         return (e if "restitution" in self.effects else 0.0, mu if "friction" in self.effects else 0.0)
+
+    def friction_law(self, a: int, b: int) -> FrictionLaw:
+        """What the friction of the bodies with index a and b has beyond mu; nothing if the effect is off."""
+        if "friction" not in self.effects:
+            return FrictionLaw()
+        pair = self._coefficients(a, b)
+        static = pair.static_friction if pair.static_friction > pair.friction else 0.0
+        return FrictionLaw(static, pair.rolling_friction, pair.torsional_friction)
+
+    def _coefficients(self, a: int, b: int) -> PairCoefficients:
+        wanted = {self.bodies[a].material, self.bodies[b].material}
+        return next(c for c in self.coefficients if {c.material_a, c.material_b} == wanted)

@@ -54,6 +54,7 @@ from touchstone.scenarios.truths.mechanism import check_mechanism
 from touchstone.scenarios.truths.pair_names import ambiguities
 from touchstone.scenarios.truths.published import check_published
 from touchstone.scenarios.truths.smooth_contact import check_smooth_contact
+from touchstone.scenarios.truths.stick_slip import check_stick_slip
 from touchstone.scenarios.truths.tipping import check_tipping
 
 LONGEST_NAME = 100
@@ -278,6 +279,19 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
             report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
         if not (isfinite(pair.friction) and pair.friction >= 0):
             report(f"coefficients[{i}].friction", f"found {pair.friction}, expected a number >= 0")
+        for name in ("rolling_friction", "torsional_friction"):
+            length = getattr(pair, name)
+            if not (isfinite(length) and length >= 0):
+                report(f"coefficients[{i}].{name}", f"found {length}, expected a length >= 0 [m]")
+        if not (isfinite(pair.static_friction) and pair.static_friction >= 0):
+            report(
+                f"coefficients[{i}].static_friction", f"found {pair.static_friction}, expected a number >= 0"
+            )
+        elif 0 < pair.static_friction < pair.friction:
+            report(
+                f"coefficients[{i}].static_friction",
+                f"found {pair.static_friction}, expected at least friction = {pair.friction}, or 0",
+            )
     materials = sorted({name for names in seen for name in names})
     missing = set()
     for i, body in enumerate(scenario.bodies):
@@ -338,6 +352,8 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
             check_tipping(scenario, body, f"{path}.body", report)
         elif truth.law == "mechanism":
             check_mechanism(scenario, body, f"{path}.body", report)
+        elif truth.law == "stick_slip":
+            check_stick_slip(scenario, body, f"{path}.body", report)
         if truth.body in [other.body for other in scenario.truths[:i]]:
             report(f"{path}.body", f"{truth.body!r} has two truths")
         _check_arcs(truth, path, report)

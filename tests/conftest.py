@@ -198,14 +198,16 @@ def still(root: str, position: Vector, end: Vector | None = None, duration: floa
     )
 
 
-def scene(*bodies: Body, e: float = 0.0, mu: float = 0.0, **fields: object) -> Scenario:
-    """A scene of wood, one second long unless told otherwise."""
+def scene(
+    *bodies: Body, e: float = 0.0, mu: float = 0.0, laws: dict[str, float] | None = None, **fields: object
+) -> Scenario:
+    """A scene of wood, one second long unless told otherwise; `laws` are those of friction beyond mu."""
     return Scenario(
         name="test",
         summary="a test",
         tags=(),
         bodies=bodies,
-        coefficients=(PairCoefficients("wood", "wood", e, mu),),
+        coefficients=(PairCoefficients("wood", "wood", e, mu, **(laws or {})),),
         duration=float(fields.pop("duration", 1.0)),
         **fields,
     )

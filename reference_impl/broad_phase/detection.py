@@ -4,6 +4,7 @@ from touchstone.reference_impl.broad_phase.fat_bounds import drop_fat_bounds, in
 from touchstone.reference_impl.broad_phase.sweep_and_prune import find_pairs
 from touchstone.reference_impl.core.conventions import (
     DRIVEN,
+    GRIP_NONE,
     MERGED_A,
     MERGED_B,
     MERGED_NOT,
@@ -231,12 +232,21 @@ def detect_for(world, d, later):
 def set_coefficients(bodies, pair, state):
     """Set a pair's coefficients of restitution and friction from its two materials; 0 if neither body is
     simulated: as in the paper, geometry alone moves driven bodies along others."""
+    if state["statics"] == 1:
+        pair["static"], pair["grip"], pair["stuck"] = 0.0, GRIP_NONE, 0
+    if state["moments"] == 1:
+        pair["rolling"] = pair["torsion"] = 0.0
+        pair["moment"][:] = 0.0
     if bodies[pair["body_a"]]["kind"] != SIMULATED and bodies[pair["body_b"]]["kind"] != SIMULATED:
         pair["restitution"] = pair["friction"] = 0.0
         return
     a, b = bodies[pair["body_a"]]["material"], bodies[pair["body_b"]]["material"]
     pair["restitution"] = state["restitution"][a, b]
     pair["friction"] = state["friction_coefficient"][a, b]
+    if state["statics"] == 1:
+        pair["static"], pair["sliding_friction"] = state["static_friction"][a, b], pair["friction"]
+    if state["moments"] == 1:
+        pair["rolling"], pair["torsion"] = state["rolling"][a, b], state["torsion"][a, b]
 
 
 @kernel

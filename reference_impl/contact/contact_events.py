@@ -7,10 +7,11 @@ have their initial poses; that of an onset from the forces of two solves. No eve
 
 from math import acos, sqrt
 
-from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR
+from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR, RELEASED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import dot
-from touchstone.reference_impl.solver.mobility import final_velocity
+from touchstone.reference_impl.solver.islands import has_moment
+from touchstone.reference_impl.solver.mobility import final_velocity, relative_turn
 
 SLIDE_MIN = 1e-4
 """Sliding speed from which the end of sliding is an event [m/s]: below it, the position error is some 1e-7
@@ -53,7 +54,9 @@ def note_free_slip(bodies, pairs, count, state):
         pair = pairs[k]
         final_velocity(bodies, pair, state)
         slip = _slip(pair)
-        pair["free_slip"] = _along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
+        pair["free_slip"] = along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
+        if has_moment(pair):
+            relative_turn(bodies, pair, pair["free_turn"])
 
 
 @inlined_kernel
@@ -65,6 +68,42 @@ def first_stop(bodies, pairs, count, h, state):
         for k in range(count):
             if pairs[k]["manifold"] < 0 or pairs[k]["manifold"] == k:
                 first = min(first, _stop(bodies, pairs, k, h, state))
+                if has_moment(pairs[k]):
+                    first = min(first, _turn_stop(bodies, pairs, k, h, state))
+    return first
+
+
+@kernel
+def _turn_stop(bodies, pairs, k, h, state):
+    """`first_stop` of the rolling and the spin of one manifold, or of one row without a manifold."""
+    pair, now, load, moment = pairs[k], state["velocity"], 0.0, state["impulse"]
+    n, before = pair["normal"], pair["turn_before"]
+    relative_turn(bodies, pair, now)
+    moment[:] = 0.0
+    while k >= 0:
+        load += max(0.0, dot(pairs[k]["normal"], pairs[k]["resting_impulse"]))
+        for i in range(3):
+            moment[i] += pairs[k]["moment"][i]
+        k = pairs[k]["next_point"]
+    spin, first = dot(n, before), NEVER
+    for across in range(2):
+        length = pair["rolling"] if across == 1 else pair["torsion"]
+        x, y, z = n[0] * spin, n[1] * spin, n[2] * spin
+        if across == 1:
+            x, y, z = before[0] - x, before[1] - y, before[2] - z
+        u = sqrt(x * x + y * y + z * z)
+        if load * length == 0 or u * pair["arm"] <= SLIDE_MIN:
+            continue
+        axis = (x / u, y / u, z / u)
+        end, p, f = dot(axis, now), -dot(axis, moment), dot(axis, pair["free_turn"])
+        if end * pair["arm"] > SLIP_MIN:
+            first = min(first, u / (u - end) if end < u else NEVER)
+            continue
+        # all of the moment would stop it earlier; what another contact turns back crosses zero evenly
+        stops = p > 0 and end * pair["arm"] >= -SLIP_MIN
+        time = u - f + (f - end) * load * length / p if stops else u - end
+        share = min(1.0, u / time) if 0 < time < EVENT_CAP * u else 1.0
+        first = min(first, share if u * pair["arm"] * h * (1 - share) > STOP_ERROR else 1.0)
     return first
 
 
@@ -88,13 +127,13 @@ def _stop(bodies, pairs, k, h, state):
         j = n[0] * held[0] + n[1] * held[1] + n[2] * held[2]
         if j > 0 and slip > SLIP_MIN:
             v_n = final_velocity(bodies, pair, state)
-            along = _along_slip(pair, v) / slip
+            along = along_slip(pair, v) / slip
             rest = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - v_n * v_n
             fastest, last = max(fastest, slip), max(last, rest)
             turns = turns or along < -SLIP_MIN
             u, f, end = u + slip, f + pair["free_slip"], end + along
             rows += 1
-            p, limit = p - _along_slip(pair, held) / slip, limit + pair["friction"] * j
+            p, limit = p - along_slip(pair, held) / slip, limit + pair["friction"] * j
         k = pair["next_point"]
     if fastest <= SLIDE_MIN or limit == 0:
         return NEVER
@@ -130,7 +169,7 @@ def slip_turn(bodies, pair, state):
     if not led or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
         return 0.0
     v_n = final_velocity(bodies, pair, state)
-    across, along = sqrt(max(0.0, dot(v, v) - v_n * v_n)), _along_slip(pair, v) / slip
+    across, along = sqrt(max(0.0, dot(v, v) - v_n * v_n)), along_slip(pair, v) / slip
     return acos(min(1.0, along / across)) if along > 0 and across > SLIDE_MIN else 0.0
 
 
@@ -154,10 +193,11 @@ def first_onset(pairs, count, h, state):
                 now[i] += pairs[row]["resting_impulse"][i] / h
                 last[i] += pairs[row]["last_force"][i]
             row = pairs[row]["next_point"]
-        n, mu = pair["normal"], pair["friction"]
+        n, mu = pair["normal"], max(pair["friction"], pair["static"])
         if mu == 0 or _cone(n, mu, last, last) >= -CONE_CLOSE * (mu * dot(n, last)) ** 2:
             continue
-        if _cone(n, mu, now, now) >= -CONE_CLOSE * (mu * dot(n, now)) ** 2:
+        released = pair["static"] > 0 and pair["grip"] == RELEASED
+        if released or _cone(n, mu, now, now) >= -CONE_CLOSE * (mu * dot(n, now)) ** 2:
             return ONSET_SOUGHT
         for i in range(3):
             rate = (now[i] - last[i]) / (h - state["last_time"])
@@ -204,7 +244,7 @@ def _slip(pair):
 
 
 @kernel
-def _along_slip(pair, vector):
+def along_slip(pair, vector):
     """Dot product of a vector and the sliding velocity before the contact solve."""
     x, y, z = before_across(pair)
     return vector[0] * x + vector[1] * y + vector[2] * z

@@ -3,8 +3,9 @@
 from touchstone.reference_impl.core.conventions import FIXED, SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.solver.mobility import point_velocity, surface_velocity
+from touchstone.reference_impl.core.rotation import copy_vector, dot
+from touchstone.reference_impl.solver.islands import has_moment
+from touchstone.reference_impl.solver.mobility import point_velocity, relative_turn, surface_velocity
 
 
 @kernel
@@ -103,6 +104,17 @@ def _extrapolate_surfaces(bodies, pair, contact):
     for i in range(3):
         contact["velocity_a_after"][i] += middle[i] - before[i]
         contact["velocity_b_after"][i] += middle[i] - before[i]
+
+
+@kernel
+def note_moment_work(bodies, pairs, count, share, state):
+    """Add to `moment_work` the work of rolling and torsional friction of the rows `pairs[:count]`, of whose
+    moments a share acted [1]."""
+    for k in range(count):
+        if has_moment(pairs[k]):
+            m, w = pairs[k]["moment"], pairs[k]["free_turn"]
+            relative_turn(bodies, pairs[k], w)
+            state["moment_work"] += share * (dot(m, pairs[k]["turn_before"]) + dot(m, w)) / 2
 
 
 @inlined_kernel

@@ -35,6 +35,7 @@ from touchstone.reference_impl.core.rotation import (
 )
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.solver.islands import has_moment
 from touchstone.reference_impl.solver.mobility import point_velocity
 
 END_ERROR = GAP_LEFT / 10
@@ -241,7 +242,19 @@ def friction_work(bodies, pair):
     u, v, w = _mean_velocity(bodies[pair["body_a"]], pair["lever_a"])
     x, y, z = x - u, y - v, z - w
     along = (n[0] * x + n[1] * y + n[2] * z) * (n[0] * p[0] + n[1] * p[1] + n[2] * p[2])
-    return p[0] * x + p[1] * y + p[2] * z - along
+    return p[0] * x + p[1] * y + p[2] * z - along + moment_work(bodies, pair)
+
+
+@kernel
+def moment_work(bodies, pair):
+    """Work of a row's rolling and torsional friction on its bodies over a substep [J]."""
+    work, m = 0.0, pair["moment"]
+    for side in range(2):
+        body, sign = (bodies[pair["body_b"]], 0.5) if side else (bodies[pair["body_a"]], -0.5)
+        if has_moment(pair) and is_moving(body):
+            end = body["path_omega"] if body["led"] == 1 else body["omega"]
+            work += sign * (dot(m, body["old_omega"]) + dot(m, end))
+    return work
 
 
 @kernel

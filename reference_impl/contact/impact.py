@@ -13,7 +13,7 @@ REFLECTION_ROUNDS, or a solve that stayed open, contacts that touch without appr
 
 from math import sqrt
 
-from touchstone.reference_impl.contact.contact_log import log_held
+from touchstone.reference_impl.contact.contact_log import log_held, note_moment_work
 from touchstone.reference_impl.contact.island_impact import strike_together
 from touchstone.reference_impl.core.conventions import APPROACH_MIN, NO_FLOOR
 from touchstone.reference_impl.core.counters import COUNT_OPEN_SOLVES
@@ -74,6 +74,8 @@ def resolve_impacts(world, count, time, h):
             done = True
             break
         strike_together(bodies, joints, drivers, pairs, count, state)
+        if state["moments"] == 1:
+            note_moment_work(bodies, pairs, count, 1.0, state)
         log_held(bodies, pairs, count, contacts, state, time)
     k = _fastest_row(bodies, pairs, count, state)
     if k >= 0 and pairs[k]["key"] * h > SETTLE_DEPTH:
@@ -82,6 +84,8 @@ def resolve_impacts(world, count, time, h):
         state["settling"] = DENSE_SETTLE / h if state["dense_substep"] == 1 else 0.0
         solve_contacts(bodies, joints, drivers, pairs, count, False, state)
         state["settling"] = 0.0
+        if state["moments"] == 1:
+            note_moment_work(bodies, pairs, count, 1.0, state)
         log_held(bodies, pairs, count, contacts, state, time)
     if state["mechanisms"] == 1:
         # joints that have reached a limit stop there

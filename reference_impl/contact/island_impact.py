@@ -14,10 +14,15 @@ from touchstone.reference_impl.continuous.mechanism_motion import note_rates, se
 from touchstone.reference_impl.core.conventions import ENERGY_ROUNDING
 from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.core.rotation import copy_vector, dot
 from touchstone.reference_impl.solver.contact_solver import solve_island
-from touchstone.reference_impl.solver.islands import is_head, join_islands, load_island
-from touchstone.reference_impl.solver.mobility import apply_to_both, relative_velocity
+from touchstone.reference_impl.solver.islands import has_moment, is_head, join_islands, load_island
+from touchstone.reference_impl.solver.mobility import (
+    apply_to_both,
+    relative_turn,
+    relative_velocity,
+    turn_both,
+)
 
 
 @inlined_kernel
@@ -54,6 +59,10 @@ def _energy_change(bodies, pairs, head, state):
             before = pair["before_b"][i] - pair["before_a"][i]
             gain += pair["resting_impulse"][i] * (before + v[i]) / 2
             work += abs(pair["resting_impulse"][i] * before)
+        if has_moment(pair):
+            relative_turn(bodies, pair, pair["free_turn"])
+            gain += (dot(pair["moment"], pair["turn_before"]) + dot(pair["moment"], pair["free_turn"])) / 2
+            work += abs(dot(pair["moment"], pair["turn_before"]))
         k = pair["next_row"]
     return gain, work
 
@@ -68,8 +77,9 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
     while k >= 0:
         pair = pairs[k]
         copy_vector(pair["resting_impulse"], pair["spare"])
+        copy_vector(pair["moment"], pair["spare_moment"])
         _add_impulse(bodies, joints, drivers, pair, -1.0, state)
-        pair["resting_impulse"][:] = 0.0
+        pair["resting_impulse"][:] = pair["moment"][:] = 0.0
         pair["floor"] = 0.0
         k = pair["next_row"]
     for d in range(state["driven_count"], len(drivers)):
@@ -85,6 +95,8 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
         relative_velocity(bodies, pairs[k], state)
         for i in range(3):
             slope += (pairs[k]["spare"][i] - pairs[k]["resting_impulse"][i]) * v[i]
+            # `_energy_change` has stored the angular velocity
+            slope += (pairs[k]["spare_moment"][i] - pairs[k]["moment"][i]) * pairs[k]["free_turn"][i]
         k = pairs[k]["next_row"]
     share = lossless_share(min(0.0, start), slope, gain)
     k = head
@@ -96,6 +108,11 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
             spare[i] = share * (spare[i] - held[i])
             held[i] += spare[i]
         apply_to_both(bodies, joints, drivers, pair, pair["point"], spare)
+        held, spare = pair["moment"], pair["spare_moment"]
+        for i in range(3):
+            spare[i] = share * (spare[i] - held[i])
+            held[i] += spare[i]
+        turn_both(bodies, joints, drivers, pair, spare, state)
         k = pair["next_row"]
     for d in range(state["driven_count"], len(drivers)):
         set_rates(bodies, joints, drivers[d], drivers[d]["path_gains"], drivers[d]["gains"], share)
@@ -104,11 +121,14 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
 
 @kernel
 def _add_impulse(bodies, joints, drivers, pair, share, state):
-    """Apply a share of a row's `resting_impulse` to its bodies."""
+    """Apply a share of a row's `resting_impulse` and `moment` to its bodies."""
     p = state["impulse"]
     for i in range(3):
         p[i] = share * pair["resting_impulse"][i]
     apply_to_both(bodies, joints, drivers, pair, pair["point"], p)
+    for i in range(3):
+        p[i] = share * pair["moment"][i]
+    turn_both(bodies, joints, drivers, pair, p, state)
 
 
 @kernel

@@ -16,6 +16,13 @@ from touchstone.reference_impl.contact.end_correction import (
     friction_work,
     gap_aimed,
 )
+from touchstone.reference_impl.contact.grip import (
+    find_grip,
+    forget_grips,
+    note_grips,
+    regain_grips,
+    release_grips,
+)
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
 from touchstone.reference_impl.continuous.contact_motion import (
@@ -65,6 +72,8 @@ STOP_LATER = 1.0001
 ONSET_ROUNDS, ONSET_SHARE = 5, 0.01
 """Most attempts at a substep for the onset of sliding in it, and its share to which that is found [1]: the
 error of a speed is its square."""
+GRIP_SHARE = 1e-9
+"""The same where static friction ends in a jump of the force [1]: the error of a speed is proportional."""
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
@@ -98,8 +107,10 @@ def solve_resting_contacts(world, count, time, h):
         residual, unconverged = state["residual"], state["counters"][COUNT_UNCONVERGED]
         state["last_time"] = last_time
         h = whole = _solve_velocities(world, count, h)
-        if _is_carried(world, count):
+        carried = _is_carried(world, count)
+        if carried or (state["statics"] == 1 and state["dense_substep"] == 0):
             h = _end_at_onset(world, count, h)
+        if carried:
             _turn_friction(world, count, h)
         _solve_positions(world, count, h)
         if len(drivers) > 0:
@@ -116,9 +127,12 @@ def solve_resting_contacts(world, count, time, h):
         state["residual"] = residual
         begin_again(bodies, joints, drivers)
         restore_normals(pairs, count)
+        forget_grips(pairs, count)
         h = h if failed else h / 2
     # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
     # may have any direction, and it keeps that one if the slip at the end is small
+    if state["statics"] == 1:
+        note_grips(bodies, pairs, count, state)
     store_impulses(bodies, pairs, count, state, h)
     # what has just begun to slide does so from the start of the next substep
     state["last_time"] = -h if h == whole else 0.0
@@ -214,6 +228,9 @@ def _solve_velocities(world, count, h):
             _prepare_resting_contacts(world, count, h)
         apply_forces(bodies, world.joints, world.drivers, VELOCITY_LEAD, h, state)
         converged = _solve_together(world, count, h)
+        if state["statics"] == 1:
+            while converged and release_grips(bodies, pairs, count, state):
+                converged = _solve_with_grips(world, count, h)
         # a stop time is meaningful only if the impulses converged
         share = first_stop(bodies, pairs, count, h, state) if converged else NEVER
         if state["dense_substep"] == 0:
@@ -229,6 +246,9 @@ def _solve_velocities(world, count, h):
         if share >= STOP_SHARE:
             # other contacts brake as well: the stop was predicted too early, so solve up to it once more
             if extended or later < STOP_LATER * h:
+                if state["statics"] == 1 and converged and regain_grips(bodies, pairs, count, state):
+                    while _solve_with_grips(world, count, h) and release_grips(bodies, pairs, count, state):
+                        pass
                 break
             extended = True
         if k == RESTING_CONTACT_ROUNDS - 1:
@@ -236,8 +256,19 @@ def _solve_velocities(world, count, h):
             break
         begin_again(bodies, world.joints, world.drivers)
         restore_normals(pairs, count)
+        forget_grips(pairs, count)
         h = later
     return h
+
+
+@kernel
+def _solve_with_grips(world, count, h):
+    """Solve the law of velocities once more, after grips have changed; returns whether it converged."""
+    begin_again(world.bodies, world.joints, world.drivers)
+    restore_normals(world.pairs, count)
+    _prepare_resting_contacts(world, count, h)
+    apply_forces(world.bodies, world.joints, world.drivers, VELOCITY_LEAD, h, world.state)
+    return _solve_together(world, count, h)
 
 
 @kernel
@@ -269,7 +300,7 @@ def _end_at_onset(world, count, h):
     for _ in range(ONSET_ROUNDS if sought else 0):
         share = first_onset(pairs, count, h, state)
         later = min(share * h, whole)
-        if abs(later - h) <= ONSET_SHARE * whole:
+        if abs(later - h) <= (GRIP_SHARE if state["statics"] == 1 else ONSET_SHARE) * whole:
             break
         if share != ONSET_SOUGHT:
             for k in range(count):
@@ -287,6 +318,7 @@ def _solve_again(world, count, h):
     """`_solve_velocities` after another attempt at the substep."""
     begin_again(world.bodies, world.joints, world.drivers)
     restore_normals(world.pairs, count)
+    forget_grips(world.pairs, count)
     return _solve_velocities(world, count, h)
 
 
@@ -402,7 +434,9 @@ def _solve_together(world, count, h):
     note_free_slip(bodies, pairs, count, state)
     for k in range(count):
         load_impulse(bodies, pairs[k], state, h)
-        if state["led_loop"] == 1 and state["last_time"] < 0:
+        if state["statics"] == 1:
+            find_grip(pairs[k])
+        if (state["led_loop"] == 1 or state["statics"] == 1) and state["last_time"] < 0:
             for i in range(3):
                 pairs[k]["last_force"][i] = pairs[k]["resting_impulse"][i] / h
     state["lead"] = VELOCITY_LEAD
@@ -455,6 +489,7 @@ def _solve_positions(world, count, h):
         state["lead"] = 0.0
         for k in range(count):
             copy_vector(pairs[k]["spare"], pairs[k]["resting_impulse"])
+            copy_vector(pairs[k]["spare_moment"], pairs[k]["moment"])
             pairs[k]["floor"] = pairs[k]["held_floor"]
         # of all rows again: the islands of the law of positions are without the others
         join_islands(bodies, drivers, pairs, count, False)
@@ -504,6 +539,7 @@ def _ask_positions(bodies, pair, h, dt):
     """Set the floor of a row in the law of positions: twice the speed at which its gap may close to
     `gap_aimed`."""
     copy_vector(pair["resting_impulse"], pair["spare"])
+    copy_vector(pair["moment"], pair["spare_moment"])
     pair["held_floor"] = pair["floor"]
     if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
         pair["floor"] = NO_FLOOR

@@ -206,7 +206,7 @@ def _turn_apart(world, first, end, left):
     for k in range(count):
         pair = rows[k]
         place_contact(pair, 0.5)
-        pair["friction"] = 0.0
+        pair["friction"] = pair["static"] = pair["rolling"] = pair["torsion"] = 0.0
         pair["surface_a"][:] = pair["surface_b"][:] = NO_MOTION
         begin_row(bodies, pair, pair["depth"] - left if _is_own(bodies, pair) else NO_FLOOR)
     state["separates"] = 1
@@ -279,7 +279,7 @@ def _move_together(world, first, end, left, most):
     for k in range(count):
         pair = rows[k]
         place_contact(pair, 0.5)
-        pair["friction"] = 0.0
+        pair["friction"] = pair["static"] = pair["rolling"] = pair["torsion"] = 0.0
         pair["surface_a"][:] = pair["surface_b"][:] = NO_MOTION
         begin_row(bodies, pair, -pair["distance"] - left)
     state["separates"] = 1

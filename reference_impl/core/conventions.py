@@ -88,6 +88,9 @@ MERGED_NOT, MERGED_A, MERGED_B = 0, 1, 2
 """Body of which several pieces share a manifold."""
 EVENT_CAP = 192
 """Substeps of one frame: DENSE_EVENTS, DENSE_PARTS, and the rest for impacts within dense substeps."""
+GRIP_NONE, GRIPS, SLIDES, RELEASED = 0, 1, 2, 3
+"""Grip of a contact with static friction: not known yet; it sticks at the start of a substep; it slides then;
+or it would leave its static cone within the substep, and slides."""
 WARM_START_CAPACITY = 4096
 """Contact points whose forces warm-start the next resting contact solve."""
 

@@ -13,6 +13,9 @@ NEWTON_ROWS, NEWTON_MOVERS, NEWTON_BLOCKS = 2_048, 192, 5_000
 LINK_CAPACITY = 256
 """Most links of chains in contact in one island."""
 
+MOMENT_CAPACITY = 4_096
+"""Most contact points of one island with rolling or torsional friction; that of further ones is dropped, and
+they count as lost."""
 EVEN_ROWS = 48
 """Most contact points of an island with a mechanism whose loads are evened out."""
 
@@ -65,6 +68,27 @@ ROW = record(
     slope=("f8", (2,)),
     centred=VECTOR,
 )
+MOMENT = record(
+    row="i8",  # of its contact
+    arm="f8",  # angular velocity times `arm` is the row's velocity [m]
+    rolling="f8",  # bounds of its impulse across and along the normal, over the contact's normal impulse [1]
+    torsion="f8",
+    mobility=MATRIX,  # change of its velocity per impulse on B [1/kg]
+    mass="f8",  # 3 / trace of that [kg]
+    free=VECTOR,  # as of a row [m/s]
+    before=VECTOR,
+    impulse=VECTOR,  # on B [N s]: the moment over `arm`
+    swept=VECTOR,
+    direction=VECTOR,
+    start=VECTOR,
+    best=VECTOR,
+    # Newton's method: normal impulse that sets the bounds, and as of a row
+    load="f8",
+    centre=VECTOR,
+    velocity=VECTOR,
+    rate=VECTOR,
+    stiffness="f8",
+)
 MOVER = record(
     body="i8",  # its row of `bodies`: a simulated body, or the root of a driver
     block="i8",  # number of a block of six hinges of a driver's chains, from 1; 0 of a body
@@ -108,11 +132,14 @@ SOLVER = record(
     stick_basis=("f8", (3 * EVEN_ROWS, 3 * EVEN_ROWS)),  # the same of impulses where all contacts stick
     stick_load=("f8", (3 * EVEN_ROWS,)),
     movers=(MOVER, (MOVER_CAPACITY,)),
+    moment_count="i8",
+    moments=(MOMENT, (MOMENT_CAPACITY,)),
     links=(LINK, (LINK_CAPACITY,)),
     # a row's Jacobian: places of its blocks, and their 3 x 6 entries
     block_count="i8",
     block_place=("i8", (2 + 2 * HINGE_BLOCKS,)),
     block=("f8", (2 + 2 * HINGE_BLOCKS, 3, 6)),
+    outer=("f8", (2, 2 + 2 * HINGE_BLOCKS, 6)),  # two vectors over the blocks, whose product is added
     order=("i8", (NEWTON_MOVERS,)),  # mover of each block
     # envelope: blocks (p, q) and (q, p), p >= q, from entry 36 (offset[p] + q) of their half; first q of p
     offset=("i8", (NEWTON_MOVERS,)),

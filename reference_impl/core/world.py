@@ -218,6 +218,21 @@ PAIR = record(
     surface_b=VECTOR,
     point=VECTOR,  # contact point at the start of a substep
     work="f8",  # of its friction over a substep [J]
+    # static friction (`grip`): coefficient of what sticks, 0 if it is no other; of what slides; GRIP_*; and
+    # whether it stuck at the end of the last substep
+    static="f8",
+    sliding_friction="f8",
+    grip="i8",
+    stuck="i8",
+    # rolling and torsional friction: lengths [m], moment on B [N m s], length of the solver's row [m], and
+    # angular velocity of B relative to A before the solve, and after forces without impulses [rad/s]
+    rolling="f8",
+    torsion="f8",
+    moment=VECTOR,
+    arm="f8",
+    turn_before=VECTOR,
+    free_turn=VECTOR,
+    spare_moment=VECTOR,  # alternative moment, for the energy check of an impact [N m s]
     start_normal=VECTOR,  # `normal` then, while the row is moved to the middle
     gap_error="f8",  # change of the gap over a substep beyond that of the mean velocity [m]
     held_floor="f8",  # `floor` while the law of positions is solved

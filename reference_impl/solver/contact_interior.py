@@ -42,6 +42,14 @@ from touchstone.reference_impl.solver.interior_start import (
     on_axes,
     set_axes,
 )
+from touchstone.reference_impl.solver.moment_rows import (
+    add_soft_moments,
+    begin_moment_steps,
+    begin_soft_moments,
+    into_bounds,
+    step_soft_moments,
+    subtract_soft_moments,
+)
 from touchstone.reference_impl.solver.tolerances import INTERIOR_BOUNDARY, INTERIOR_CENTRE, NEWTON_MOST
 
 INTERIOR_STEPS, INTERIOR_ALLOWANCE = 120, 5e7
@@ -53,6 +61,9 @@ it runs, 2 to 3 s; after these, sweeps alone."""
 INTERIOR_TARGET, INTERIOR_LEAST, INTERIOR_STALLS = 1e-8, 1e-6, 4
 """Residual at which it ends and leaves the rest to Newton's method, except in dense substeps; residual below
 which it ends where rounding stops it, and steps that tell so [m/s]."""
+MOMENT_COMPLIANCE = 1e-3
+"""Compliance of the moments' proximal steps over their own mobility [1]: their error falls by about that in a
+full step."""
 INTERIOR_SHORT, INTERIOR_LONG = 0.1, 0.8
 """Shares of a full step below which it takes less of the derivative of friction, and above which more [1]."""
 
@@ -96,6 +107,7 @@ def interior(solver, afar, state):
         for k in range(solver["row_count"]):
             _set_kernel(solver["rows"][k], solver["kernel"])
             add_row(solver, solver["rows"][k])
+        add_soft_moments(solver)
         factorise(solver)
         state["counters"][COUNT_FACTORS] += 1
         state["newton_work"] -= work
@@ -112,6 +124,7 @@ def interior(solver, afar, state):
         elif length > INTERIOR_LONG:
             share = min(1.0, share + 0.25)
         _advance(solver, length)
+        step_soft_moments(solver, length)
 
 
 @kernel
@@ -150,13 +163,17 @@ def _set_scaling(solver, share):
 
 @kernel
 def _set_impulses(solver):
-    """Set the impulses of the rows and the movers' velocities from the vectors q."""
+    """Set the impulses of the rows and the movers' velocities from the vectors q, and centre the
+    moments for a proximal step."""
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         p, q = row["impulse"], row["centre"]
         p[0], p[1], p[2] = along_axes(row, q[0], q[1], q[2])
         into_cone(row)
+    into_bounds(solver)
     rebuild(solver)
+    begin_soft_moments(solver, MOMENT_COMPLIANCE, 0.0)
+    begin_moment_steps(solver)
 
 
 @inlined_kernel
@@ -203,6 +220,7 @@ def _begin_gradient(solver):
         row["centred"][:] = 0.0
         x, y, z = _unscale(row, gap[0] + slope[0] * gap[1] + slope[1] * gap[2], gap[1], gap[2])
         _subtract_change(solver, row, x, y, z)
+    subtract_soft_moments(solver, 0.0)
 
 
 @kernel

@@ -33,6 +33,18 @@ from touchstone.reference_impl.solver.envelope import (
     subtract_impulse,
 )
 from touchstone.reference_impl.solver.face_load import even_out
+from touchstone.reference_impl.solver.moment_rows import (
+    add_load_changes,
+    add_soft_moments,
+    advance_moments,
+    begin_moment_steps,
+    begin_soft_moments,
+    follow_loads,
+    into_bounds,
+    set_moment_rates,
+    subtract_soft_moments,
+    take_soft_moments,
+)
 from touchstone.reference_impl.solver.tolerances import (
     NEWTON_ALLOWANCE,
     NEWTON_FACTORS,
@@ -86,6 +98,7 @@ def newton(solver, evenly, patient, state):
         for k in range(count):
             rows[k]["stiffness"] = (heaviest if evenly else rows[k]["mass"]) / compliance
             copy_vector(rows[k]["impulse"], rows[k]["centre"])
+        begin_soft_moments(solver, compliance, heaviest if evenly else 0.0)
         used, solved = _solve_soft(solver, compliance * max(RESIDUAL_ROUNDING, INNER_SHARE * last))
         state["counters"][COUNT_FACTORS] += used
         state["newton_work"] -= used * work
@@ -101,6 +114,9 @@ def newton(solver, evenly, patient, state):
             p[0], p[1], p[2] = _project(rows[k], 0.0)
             # rounding of a large z can leave the cone
             into_cone(rows[k])
+        follow_loads(solver, 0.0)
+        take_soft_moments(solver)
+        into_bounds(solver)
         rebuild(solver)
         residual, _ = residual_of(solver)
         keep_best(solver, residual)
@@ -173,6 +189,7 @@ def _solve_soft(solver, tolerance):
         u, f = row["velocity"], row["free"]
         u[0], u[1], u[2] = x + f[0], y + f[1], z + f[2]
         row["rate"][:] = 0.0
+    begin_moment_steps(solver)
     for i in range(6 * solver["mover_count"]):
         solver["step"][i] = 0.0
     size = _gradient(solver, 0.0)
@@ -181,6 +198,7 @@ def _solve_soft(solver, tolerance):
         factorise(solver)
         solve_factors(solver)
         set_rates(solver)
+        set_moment_rates(solver)
         # line search: halve the step until g decreases
         fraction = 1.0
         for _ in range(LINE_HALVES):
@@ -210,6 +228,8 @@ def _gradient(solver, s):
         row = solver["rows"][k]
         px, py, pz = _project(row, s)
         subtract_impulse(solver, row, px, py, pz)
+    follow_loads(solver, s)
+    subtract_soft_moments(solver, s)
     size = 0.0
     for m in range(solver["mover_count"]):
         base, inverse = 6 * movers[m]["place"], movers[m]["inverse_inertia"]
@@ -227,6 +247,9 @@ def _assemble(solver):
     for k in range(solver["row_count"]):
         if _derivative(solver["rows"][k], solver["kernel"]):
             add_row(solver, solver["rows"][k])
+    follow_loads(solver, 0.0)
+    add_soft_moments(solver)
+    add_load_changes(solver)
 
 
 @kernel
@@ -248,4 +271,4 @@ def _advance(solver, s):
             size += d[i] * d[i]
             d[i] = 0.0
         largest = max(largest, s * sqrt(size))
-    return largest
+    return max(largest, advance_moments(solver, s))

@@ -10,6 +10,13 @@ from math import inf, isnan, sqrt
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.link_rows import link_velocity, push_link
+from touchstone.reference_impl.solver.moment_rows import (
+    copy_moments,
+    moment_work,
+    oppose_mean_turn,
+    push_moments,
+    worst_moment,
+)
 from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED, RESIDUAL_OPEN, ROUNDING
 
 SLIDE_STEPS = 40
@@ -89,6 +96,7 @@ def rebuild(solver):
         p = solver["rows"][k]["impulse"]
         if p[0] != 0 or p[1] != 0 or p[2] != 0:
             push_movers(solver["rows"][k], solver, p[0], p[1], p[2])
+    push_moments(solver)
 
 
 @kernel
@@ -119,8 +127,9 @@ def residual_of(solver):
             largest, worst = change, k
         # NaN counts as the largest
         if isnan(change):
-            break
-    return largest, worst
+            return largest, worst
+    change, row = worst_moment(solver)
+    return (largest, worst) if change <= largest else (change, row)
 
 
 @kernel
@@ -149,6 +158,7 @@ def keep_best(solver, residual):
         solver["best_residual"] = residual
         for k in range(solver["row_count"]):
             copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["best"])
+        copy_moments(solver, True)
 
 
 @kernel
@@ -156,6 +166,7 @@ def take_best(solver):
     """Restore the best impulses stored."""
     for k in range(solver["row_count"]):
         copy_vector(solver["rows"][k]["best"], solver["rows"][k]["impulse"])
+    copy_moments(solver, False)
     rebuild(solver)
 
 
@@ -165,7 +176,7 @@ def _work_terms(solver):
 
     Twice the contacts' work is the second value minus the first.
     """
-    driving = damping = size = 0.0
+    driving, damping, size = moment_work(solver)
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         p, f, before = row["impulse"], row["free"], row["before"]
@@ -189,6 +200,7 @@ def reverse_slip(solver):
     """Make friction of all rows oppose the mean sliding of the substep."""
     for k in range(solver["row_count"]):
         oppose_mean_slip(solver["rows"][k])
+    oppose_mean_turn(solver)
 
 
 @kernel
@@ -212,6 +224,9 @@ def make_passive(solver):
         for k in range(solver["row_count"]):
             for i in range(3):
                 solver["rows"][k]["impulse"][i] *= scale
+        for k in range(solver["moment_count"]):
+            for i in range(3):
+                solver["moments"][k]["impulse"][i] *= scale
         rebuild(solver)
 
 

@@ -56,13 +56,15 @@ from touchstone.reference_impl.solver.contact_rows import (
 from touchstone.reference_impl.solver.envelope import lay_out
 from touchstone.reference_impl.solver.face_load import even_out, even_stuck, find_faces
 from touchstone.reference_impl.solver.islands import (
+    has_moment,
     is_head,
     join_islands,
     load_island,
     load_limits,
     store_island,
 )
-from touchstone.reference_impl.solver.mobility import surface_velocities
+from touchstone.reference_impl.solver.mobility import relative_turn, surface_velocities
+from touchstone.reference_impl.solver.moment_rows import into_bounds, solve_moment
 from touchstone.reference_impl.solver.tolerances import (
     RESIDUAL_ACCEPTED,
     RESIDUAL_DENSE,
@@ -96,6 +98,9 @@ def begin_row(bodies, pair, floor):
     pair["bias"][:] = 0.0
     pair["slides"] = 0
     surface_velocities(bodies, pair, pair["before_a"], pair["before_b"])
+    if has_moment(pair):
+        pair["moment"][:] = 0.0
+        relative_turn(bodies, pair, pair["turn_before"])
 
 
 @kernel
@@ -116,6 +121,7 @@ def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
     for k in range(count):
         if pairs[k]["island"] < 0:
             pairs[k]["resting_impulse"][:] = 0.0
+            pairs[k]["moment"][:] = 0.0
         elif is_head(bodies, pairs, k):
             load_island(bodies, joints, drivers, pairs, k, state)
             converged = solve_island(bodies, joints, drivers, pairs, lasting, state) and converged
@@ -133,8 +139,7 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
     """Solve the loaded island; returns whether it converged, and counts failures."""
     solver = state["solver"]
     rows = solver["rows"]
-    for k in range(solver["row_count"]):
-        into_cone(rows[k])
+    _into_cones(solver)
     find_faces(solver, pairs)
     solve_loaded(solver, state)
     # an island too large for Newton's method may have a solution that sweeps do not reach
@@ -169,6 +174,23 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
     return residual <= accepted
 
 
+@kernel
+def _into_cones(solver):
+    """Clip all impulses to their friction cones, and the moments to their bounds."""
+    for k in range(solver["row_count"]):
+        into_cone(solver["rows"][k])
+    into_bounds(solver)
+
+
+@kernel
+def _return_to_start(solver):
+    """Set all impulses to those of the warm start."""
+    for k in range(solver["row_count"]):
+        copy_vector(solver["rows"][k]["start"], solver["rows"][k]["impulse"])
+    for k in range(solver["moment_count"]):
+        copy_vector(solver["moments"][k]["start"], solver["moments"][k]["impulse"])
+
+
 @inlined_kernel
 def _accepted(solver):
     """Residual at which a solve counts as converged [m/s]."""
@@ -188,9 +210,8 @@ def _rebounds(solver):
 def _stop_rebound(solver):
     """Lower all rebound speeds to 0, and return to the warm start."""
     for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        row["floor"] = min(0.0, row["floor"])
-        copy_vector(row["start"], row["impulse"])
+        solver["rows"][k]["floor"] = min(0.0, solver["rows"][k]["floor"])
+    _return_to_start(solver)
 
 
 @kernel
@@ -205,8 +226,7 @@ def _stop_return(solver, pairs):
         if -APPROACH_MIN <= row["floor"] < 0 and pairs[row["pair"]]["speculative_speed"] == 0:
             row["floor"], found = 0.0, True
     if found:
-        for k in range(solver["row_count"]):
-            copy_vector(solver["rows"][k]["start"], solver["rows"][k]["impulse"])
+        _return_to_start(solver)
     return found
 
 
@@ -215,10 +235,11 @@ def solve_loaded(solver, state):
     """Find the best impulses for the loaded rows, starting from their present ones."""
     for k in range(solver["row_count"]):
         copy_vector(solver["rows"][k]["impulse"], solver["rows"][k]["start"])
+    for k in range(solver["moment_count"]):
+        copy_vector(solver["moments"][k]["impulse"], solver["moments"][k]["start"])
     rebuild(solver)
     if even_out(solver):
-        for k in range(solver["row_count"]):
-            into_cone(solver["rows"][k])
+        _into_cones(solver)
         rebuild(solver)
     make_passive(solver)
     residual, _ = residual_of(solver)
@@ -242,8 +263,7 @@ def solve_loaded(solver, state):
     # where friction sticks, corners keep the loads that they had when it began to
     solved = solver["even_count"] > 0 and solver["best_residual"] <= solver["target"]
     if solved and even_stuck(solver):
-        for k in range(solver["row_count"]):
-            into_cone(solver["rows"][k])
+        _into_cones(solver)
         rebuild(solver)
         residual, _ = residual_of(solver)
         solver["best_residual"] = inf
@@ -295,7 +315,7 @@ def _rounding(solver):
 def _iterate(solver, state):
     """Run sweeps, the interior-point method, Newton's method and more sweeps until one of them converges."""
     rows = solver["row_count"]
-    if rows > 1:
+    if rows + solver["moment_count"] > 1:
         small = rows < INTERIOR_ROWS
         dense = not small and state["dense_substep"] == 1 and lay_out(solver)
         if not dense and _sweep(solver, state, FIRST_SWEEPS):
@@ -339,6 +359,8 @@ def _sweep(solver, state, most):
     share = last = 0.0
     for k in range(count):
         rows[k]["swept"][:] = rows[k]["direction"][:] = 0.0
+    for k in range(solver["moment_count"]):
+        solver["moments"][k]["swept"][:] = solver["moments"][k]["direction"][:] = 0.0
     for m in range(solver["mover_count"]):
         movers[m]["velocity_direction"][:] = movers[m]["omega_direction"][:] = 0.0
         _copy_velocity(movers[m])
@@ -352,6 +374,11 @@ def _sweep(solver, state, most):
             _add_direction(row["impulse"], row["direction"], row["swept"], share)
             step = solve_row(row, solver)
             change, size = max(change, step), size + step * step * row["mass"]
+        for k in range(solver["moment_count"]):
+            moment = solver["moments"][k]
+            _add_direction(moment["impulse"], moment["direction"], moment["swept"], share)
+            step = solve_moment(moment, solver)
+            change, size = max(change, step), size + step * step * moment["mass"]
         state["counters"][COUNT_SWEEPS] += 1
         # a residual costs half a sweep: skip it while the impulses change too much
         if change < 2 * solver["best_residual"] or sweep == most - 1:

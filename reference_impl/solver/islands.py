@@ -12,7 +12,12 @@ from touchstone.reference_impl.core.conventions import HINGE_BLOCKS, NO_FLOOR, S
 from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
-from touchstone.reference_impl.core.solver_dtypes import LINK_CAPACITY, MOVER_CAPACITY, ROW_CAPACITY
+from touchstone.reference_impl.core.solver_dtypes import (
+    LINK_CAPACITY,
+    MOMENT_CAPACITY,
+    MOVER_CAPACITY,
+    ROW_CAPACITY,
+)
 from touchstone.reference_impl.kinematics.skeleton import move_links
 from touchstone.reference_impl.solver.contact_rows import oppose_mean_slip, prepare_row
 from touchstone.reference_impl.solver.hinge_response import (
@@ -22,7 +27,13 @@ from touchstone.reference_impl.solver.hinge_response import (
     turn_at_once,
 )
 from touchstone.reference_impl.solver.link_rows import add_link_mobility
-from touchstone.reference_impl.solver.mobility import contact_mobility, meeting_velocity, point_velocity
+from touchstone.reference_impl.solver.mobility import (
+    contact_mobility,
+    meeting_velocity,
+    point_velocity,
+    relative_turn,
+)
+from touchstone.reference_impl.solver.moment_rows import turn_mobility
 
 LOCKED = 1e-9
 """Mobility along a direction in which joints hold a body, over that in all directions [1]: it keeps a row's
@@ -105,7 +116,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
     for d in range(len(drivers)):
         drivers[d]["hinge_mover"] = -1
     solver["row_count"] = solver["mover_count"] = solver["link_count"] = solver["led"] = 0
-    solver["joined"] = 0
+    solver["joined"] = solver["moment_count"] = 0
     k = head
     while k >= 0:
         pair, own = pairs[k], k
@@ -153,9 +164,73 @@ def load_island(bodies, joints, drivers, pairs, head, state):
                 w[i, i] += LOCKED * trace
             solver["joined"] = 1
         prepare_row(row)
+        if has_moment(pair):
+            # the lead of the velocities above
+            lead = max(lead, state["lead"]) if lead > 0 or (held and state["lead"] == 1) else 0.0
+            _load_moment(bodies, drivers, pair, lead, state)
     for d in range(len(drivers)):
         if drivers[d]["hinge_mover"] >= 0:
             _load_limits(joints, drivers[d], solver)
+
+
+@inlined_kernel
+def has_moment(pair):
+    """Whether a pair has rolling or torsional friction."""
+    return pair["rolling"] + pair["torsion"] > 0
+
+
+@kernel
+def _load_moment(bodies, drivers, pair, lead, state):
+    """Add the rolling and torsional friction of the row loaded last."""
+    solver = state["solver"]
+    if solver["moment_count"] == MOMENT_CAPACITY:
+        state["counters"][COUNT_LOST] += 1
+        return
+    moment, row, u = (
+        solver["moments"][solver["moment_count"]],
+        solver["rows"][pair["solver_row"]],
+        pair["moment"],
+    )
+    moment["row"], moment["arm"] = pair["solver_row"], 1.0
+    solver["moment_count"] += 1
+    w = moment["mobility"]
+    turn_mobility(solver, moment)
+    trace = w[0, 0] + w[1, 1] + w[2, 2]
+    if not trace > 0:
+        # nothing turns it
+        solver["moment_count"] -= 1
+        return
+    linear = row["mobility"]
+    arm = sqrt((linear[0, 0] + linear[1, 1] + linear[2, 2]) / trace)
+    moment["mass"] = 3 / (arm * arm * trace)
+    moment["arm"] = pair["arm"] = arm
+    moment["rolling"], moment["torsion"] = pair["rolling"] / arm, pair["torsion"] / arm
+    relative_turn(bodies, pair, moment["free"])
+    if lead > 0:
+        _add_turn_lead(bodies, drivers, pair, lead, moment["free"])
+    for i in range(3):
+        moment["impulse"][i] = u[i] / arm
+        moment["free"][i] *= arm
+        moment["before"][i] = arm * pair["turn_before"][i]
+        for j in range(3):
+            w[i, j] *= arm * arm
+        if solver["joined"] == 1:
+            w[i, i] += LOCKED * arm * arm * trace
+
+
+@kernel
+def _add_turn_lead(bodies, drivers, pair, lead, out_omega):
+    """`_add_lead` of the angular velocity of B relative to A."""
+    for side in range(2):
+        b, sign = (pair["body_b"], 1.0) if side else (pair["body_a"], -1.0)
+        joined = lead == 1 and is_joined(bodies, drivers, b)
+        if not joined and bodies[b]["kind"] != SIMULATED and not loops(bodies, drivers, b):
+            continue
+        for i in range(3):
+            if joined or bodies[b]["kind"] != SIMULATED:
+                out_omega[i] += sign * bodies[b]["lead_omega"][i]
+            else:
+                out_omega[i] += sign * lead * bodies[b]["old_omega"][i]
 
 
 @kernel
@@ -271,7 +346,7 @@ def load_limits(joints, drivers, d, solver):
     """Load the limits of driver d's hinges alone: an island without contacts."""
     for k in range(len(drivers)):
         drivers[k]["hinge_mover"] = -1
-    solver["row_count"] = solver["mover_count"] = solver["link_count"] = 0
+    solver["row_count"] = solver["mover_count"] = solver["link_count"] = solver["moment_count"] = 0
     solver["led"], solver["joined"] = 1, 0
     _load_hinges(joints, drivers[d], solver)
     _load_limits(joints, drivers[d], solver)
@@ -350,6 +425,11 @@ def store_island(bodies, joints, drivers, pairs, state):
             copy_vector(row["impulse"], pairs[row["pair"]]["resting_impulse"])
         else:
             joints[-2 - row["pair"]]["limit_impulse"] = row["impulse"][0]
+    for k in range(solver["moment_count"]):
+        moment = solver["moments"][k]
+        for i in range(3):
+            own = solver["rows"][moment["row"]]["pair"]
+            pairs[own]["moment"][i] = moment["arm"] * moment["impulse"][i]
     for m in range(solver["mover_count"]):
         mover = solver["movers"][m]
         dv, dw = mover["velocity"], mover["omega"]

@@ -43,6 +43,62 @@ def push_link(solver, link, r, px, py, pz):
 
 
 @kernel
+def link_turn(solver, link):
+    """Angular velocity of a link by the coordinates of its hinges [rad/s]."""
+    first, z = solver["links"][link]["mover"], solver["links"][link]["response"]
+    x = y = s = 0.0
+    for b in range(solver["links"][link]["blocks"]):
+        mover = solver["movers"][first + b]
+        for c in range(6):
+            q = mover["velocity"][c] if c < 3 else mover["omega"][c - 3]
+            x, y, s = x + q * z[b, c, 3], y + q * z[b, c, 4], s + q * z[b, c, 5]
+    return x, y, s
+
+
+@kernel
+def turn_link(solver, link, x, y, z):
+    """Apply an angular impulse (x, y, z) [N m s] on a link to the coordinates of its hinges."""
+    first, response = solver["links"][link]["mover"], solver["links"][link]["response"]
+    for b in range(solver["links"][link]["blocks"]):
+        mover = solver["movers"][first + b]
+        for c in range(6):
+            q = response[b, c, 3] * x + response[b, c, 4] * y + response[b, c, 5] * z
+            if c < 3:
+                mover["velocity"][c] += q
+            else:
+                mover["omega"][c - 3] += q
+
+
+@kernel
+def list_turns(solver, moment):
+    """Set `block_place` and `block` of the solver to the movers of a moment and its Jacobian: bodies
+    first."""
+    row, arm = solver["rows"][moment["row"]], moment["arm"]
+    solver["block_count"] = 0
+    for side in range(2):
+        m, sign = (row["b"], arm) if side else (row["a"], -arm)
+        if m >= 0:
+            j = solver["block"][_new_block(solver, solver["movers"][m]["place"])]
+            j[0, 3] = j[1, 4] = j[2, 5] = sign
+    first = solver["block_count"]
+    for side in range(2):
+        link, sign = (row["link_b"], arm) if side else (row["link_a"], -arm)
+        if link < 0:
+            continue
+        z, start = solver["links"][link]["response"], first
+        # both links of one driver have the same blocks
+        if side == 0 or row["link_a"] < 0 or solver["links"][row["link_a"]]["mover"] != _first(solver, link):
+            start = solver["block_count"]
+            for b in range(solver["links"][link]["blocks"]):
+                _new_block(solver, solver["movers"][_first(solver, link) + b]["place"])
+        for b in range(solver["links"][link]["blocks"]):
+            j = solver["block"][start + b]
+            for c in range(6):
+                for i in range(3):
+                    j[i, c] += sign * z[b, c, 3 + i]
+
+
+@kernel
 def add_link_mobility(solver, row, out_mobility):
     """Add to a row's mobility that of the hinges of its links [1/kg]."""
     list_blocks(solver, row)
@@ -176,8 +232,14 @@ def add_link_rate(solver, link, r, sign, out_rate):
 
 @vectorised_kernel
 def add_blocks(solver, row):
-    """Add J^T K J of a row with links of chains: a block for each two of its movers."""
+    """Add J^T K J of a row with links of chains."""
     list_blocks(solver, row)
+    add_listed(solver)
+
+
+@vectorised_kernel
+def add_listed(solver):
+    """Add J^T K J of the listed blocks: a block for each two of their movers."""
     k, lower, upper = solver["kernel"], solver["lower"], solver["upper"]
     for i in range(solver["block_count"]):
         p, j = solver["block_place"][i], solver["block"][i]
@@ -193,6 +255,26 @@ def add_blocks(solver, row):
                 else:
                     a, b, c = x[r], y[r], z[r]
                     _add_row(lower, at + np.uint64(6 * r), a, _six(j, 0), b, _six(j, 1), c, _six(j, 2))
+
+
+@kernel
+def add_product(solver):
+    """Add a b' to the matrix, with a and b the vectors `outer` of the listed blocks."""
+    lower, upper = solver["lower"], solver["upper"]
+    for i in range(solver["block_count"]):
+        p, b = solver["block_place"][i], solver["outer"][1, i]
+        for other in range(solver["block_count"]):
+            q, a = solver["block_place"][other], solver["outer"][0, other]
+            at = 36 * (solver["offset"][max(p, q)] + min(p, q))
+            # stored as in `add_listed`
+            for r in range(6):
+                for c in range(6):
+                    if q < p:
+                        upper[at + 6 * r + c] += a[r] * b[c]
+                    elif q == p:
+                        lower[at + 6 * r + c] += a[r] * b[c]
+                    else:
+                        lower[at + 6 * r + c] += b[r] * a[c]
 
 
 @inlined_kernel

@@ -1,11 +1,13 @@
 """Velocities and mobility at a contact point, and impulses on its two bodies."""
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from touchstone.reference_impl.continuous.contact_motion import set_surface_motion
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import copy_vector, cross, dot
 from touchstone.reference_impl.kinematics.skeleton import move_links
 from touchstone.reference_impl.solver.hinge_response import push_hinges, push_joints
 
@@ -44,6 +46,13 @@ def surface_velocities(bodies, pair, out_a, out_b):
     for i in range(3):
         out_a[i] += pair["surface_a"][i]
         out_b[i] += pair["surface_b"][i]
+
+
+@kernel
+def relative_turn(bodies, pair, out_omega):
+    """Angular velocity of B relative to A [rad/s]."""
+    for i in range(3):
+        out_omega[i] = bodies[pair["body_b"]]["omega"][i] - bodies[pair["body_a"]]["omega"][i]
 
 
 @kernel
@@ -175,6 +184,28 @@ def apply_to_both(bodies, joints, drivers, pair, point, p):
     """Apply the impulse p to body B and -p to body A of a pair."""
     apply_impulse(bodies, joints, drivers, pair["body_b"], point, p[0], p[1], p[2])
     apply_impulse(bodies, joints, drivers, pair["body_a"], point, -p[0], -p[1], -p[2])
+
+
+@kernel
+def turn_both(bodies, joints, drivers, pair, moment, state):
+    """Apply an angular impulse [N m s] to body B of a pair, and its opposite to A: two impulses 1 m apart."""
+    n, there, least = moment, state["point"], 0
+    for i in range(1, 3):
+        least = i if abs(n[i]) < abs(n[least]) else least
+    axis = (1.0 if least == 0 else 0.0, 1.0 if least == 1 else 0.0, 1.0 if least == 2 else 0.0)
+    arm = cross(n, axis)
+    size = sqrt(dot(arm, arm))
+    if size == 0:
+        return
+    arm = (arm[0] / size, arm[1] / size, arm[2] / size)
+    x, y, z = cross(n, arm)
+    for side in range(2):
+        b, sign = (pair["body_b"], 1.0) if side else (pair["body_a"], -1.0)
+        copy_vector(bodies[b]["center"], there)
+        apply_impulse(bodies, joints, drivers, b, there, -sign * x, -sign * y, -sign * z)
+        for i in range(3):
+            there[i] += arm[i]
+        apply_impulse(bodies, joints, drivers, b, there, sign * x, sign * y, sign * z)
 
 
 @kernel

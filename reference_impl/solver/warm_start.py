@@ -24,8 +24,12 @@ def load_impulse(bodies, pair, state, h):
                 nearest, least = m, distance
         m = state["warm_start_next"][m] - 1
     if nearest >= 0:
+        if state["statics"] == 1:
+            pair["stuck"] = state["warm_start_stuck"][nearest]
         for i in range(3):
             pair["resting_impulse"][i] = h * state["warm_start_force"][nearest, i]
+            if state["moments"] == 1:
+                pair["moment"][i] = h * state["warm_start_moment"][nearest, i]
 
 
 @inlined_kernel
@@ -37,9 +41,13 @@ def store_impulses(bodies, pairs, count, state, h):
         pair = pairs[k]
         body = bodies[_anchor(bodies, pair)]
         state["warm_start_pieces"][k, 0], state["warm_start_pieces"][k, 1] = pair["piece_a"], pair["piece_b"]
+        if state["statics"] == 1:
+            state["warm_start_stuck"][k] = pair["stuck"]
         for i in range(3):
             state["warm_start_point"][k, i] = pair["point"][i] - body["center"][i]
             state["warm_start_force"][k, i] = pair["resting_impulse"][i] / h
+            if state["moments"] == 1:
+                state["warm_start_moment"][k, i] = pair["moment"][i] / h
         state["warm_start_next"][k] = body["memory"]
         body["memory"] = k + 1
 

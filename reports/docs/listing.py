@@ -25,6 +25,7 @@ LAWS = {
     "smooth_contact": "rolls, slides and leaves, integrated to rounding",
     "tipping": "tips from edge to edge, each of which takes the same share of the rate",
     "mechanism": "moves with its joints, integrated to rounding",
+    "stick_slip": "sticks to the moving surface, and slips on it by its spring",
 }
 
 

@@ -166,6 +166,14 @@ class Context:
         return np.where(simulated, self._coefficients[:, 1], 0.0)
 
     @cached_property
+    def most_friction(self) -> Array:
+        """The same of contacts that stick: that of static friction, if it is larger."""
+        met, which = self.met
+        static = np.array([self.scenario.friction_law(a, b).static for a, b in met])[which]
+        lost = (self.friction == 0) & (self._coefficients[:, 1] > 0)
+        return np.where(lost, 0.0, np.maximum(self.friction, static))
+
+    @cached_property
     def _coefficients(self) -> Array:
         met, which = self.met
         return np.array([self.scenario.pair_coefficients(a, b) for a, b in met]).reshape(-1, 2)[which]

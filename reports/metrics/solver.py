@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from touchstone.adapters.contract import RESIDUAL_COUNTERS, Array
+from touchstone.adapters.contract import MOMENT_WORK, RESIDUAL_COUNTERS, Array
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 
@@ -150,7 +150,8 @@ def work(context: Context) -> Values:
     r = context.recording
     if not r.work.size:
         raise NotMeasured("the engine counts nothing")
-    counted = [(k, str(name)) for k, name in enumerate(r.work_names) if name not in UNRESOLVED]
+    others = (*UNRESOLVED, MOMENT_WORK)
+    counted = [(k, str(name)) for k, name in enumerate(r.work_names) if name not in others]
     return {name: float(r.work[:, k].mean()) for k, name in counted}
 
 

@@ -34,14 +34,16 @@ KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "press": piles.pressed,
 }
 """Kinds that a seed may choose: name, which is also the tag, and builder."""
-FAST_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"shot": fast.shots, "slap": fast.slaps}
-"""Kinds that are used on request only: they need continuous collision detection."""
-ROUND_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"cylinder": piles.cylinders}
-"""Kinds with cylinders, that are used on request only: a seed of KINDS stays what it is."""
-TERRAIN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"terrain": piles.terrain}
-"""Kinds on height fields, that are used on request only."""
-JOINED_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"mechanism": joined.mechanisms}
-"""Kinds with joints between bodies, that are used on request only."""
+REQUESTED_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
+    "shot": fast.shots,
+    "slap": fast.slaps,
+    "cylinder": piles.cylinders,
+    "terrain": piles.terrain,
+    "friction": piles.resisting,
+    "mechanism": joined.mechanisms,
+}
+"""Kinds that are used on request only, so that a seed of KINDS stays what it is: those that need continuous
+collision detection, cylinders, height fields, friction beyond mu, and joints between bodies."""
 DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "grip": driven.grips,
     "drag": driven.drags,
@@ -52,7 +54,7 @@ DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "person": driven.persons,
 }
 """Kinds with drivers of all masses and stiffnesses, that are used on request only."""
-ALL_KINDS = {**KINDS, **FAST_KINDS, **ROUND_KINDS, **TERRAIN_KINDS, **JOINED_KINDS, **DRIVEN_KINDS}
+ALL_KINDS = {**KINDS, **REQUESTED_KINDS, **DRIVEN_KINDS}
 FRAME_RATE = 60
 FRAMES = (42, 73)
 """Range of the number of frames: 0.7 to 1.2 s, in which drops of a few centimetres land and settle."""
@@ -89,7 +91,10 @@ def random_scene(seed: int, kind: str | None = None) -> Scenario:
         summary=f"{kind}: {setup.summary}; e = {e:.3g}, mu = {mu:.3g}",
         tags=tuple(tags),
         bodies=(*setup.bodies, *(body for driver in drivers for body in driver.bodies)),
-        coefficients=tuple(PairCoefficients(a, b, e, mu) for a, b in materials),
+        coefficients=tuple(
+            PairCoefficients(a, b, e, mu, setup.static * mu, setup.rolling, setup.torsional)
+            for a, b in materials
+        ),
         duration=duration,
         joints=tuple(joint for driver in drivers for joint in driver.joints),
         trackers=tuple(driver.tracker for driver in drivers),

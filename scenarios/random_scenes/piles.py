@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import atan2, cos, pi, sin
 
 import numpy as np
@@ -53,6 +54,20 @@ def heaps(rng: Generator) -> Setup:
     walls = _bin(inner, float(places[:, 2].max()) + reach) if rng.random() < 0.5 else []
     where = "in a bin" if walls else "on a floor"
     return Setup(f"{count} bodies fall {where}", [slab("floor", MATERIAL), *walls, *bodies])
+
+
+def resisting(rng: Generator) -> Setup:
+    """A heap with static, rolling and torsional friction, or some of them."""
+    static = float(rng.choice([0.0, rng.uniform(1.0, 2.0)]))
+    rolling, torsional = (float(rng.choice([0.0, rng.uniform(0.0, 0.02)])) for _ in range(2))
+    heap = heaps(rng)
+    return replace(
+        heap,
+        summary=f"{heap.summary}, with friction beyond mu",
+        static=static,
+        rolling=rolling,
+        torsional=torsional,
+    )
 
 
 def _bin(inner: float, height: float) -> list[Body]:

@@ -52,7 +52,8 @@ class Driven:
 @dataclass(frozen=True, slots=True)
 class Setup:
     """Contents of a scene of some kind, without the bodies of `hand`, which is set if a driven body presses,
-    and those of its other drivers."""
+    and those of its other drivers. `static` is the coefficient of static friction over mu [1], the others
+    are lengths [m]."""
 
     summary: str
     bodies: Sequence[Body]
@@ -61,6 +62,9 @@ class Setup:
     gravity: bool = True
     driven: Sequence[Driven] = ()
     joints: Sequence[BodyJoint] = ()
+    static: float = 0.0
+    rolling: float = 0.0
+    torsional: float = 0.0
 
 
 def random_gap(rng: Generator, largest: float = DROP) -> float:

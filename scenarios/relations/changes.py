@@ -135,8 +135,16 @@ def similar(scenario: Scenario, times: float, **fields: object) -> Scenario:
     trackers = tuple(
         _rescaled_tracker(one, size, times, not scenario.prescribes(one)) for one in scenario.trackers
     )
-    body_joints = tuple(_rescaled_joint(one, size, times) for one in scenario.body_joints)
-    return bare(scenario, bodies=bodies, joints=joints, trackers=trackers, body_joints=body_joints, **fields)
+    fields["body_joints"] = tuple(_rescaled_joint(one, size, times) for one in scenario.body_joints)
+    fields["coefficients"] = tuple(
+        replace(
+            one,
+            rolling_friction=one.rolling_friction * size,
+            torsional_friction=one.torsional_friction * size,
+        )
+        for one in scenario.coefficients
+    )
+    return bare(scenario, bodies=bodies, joints=joints, trackers=trackers, **fields)
 
 
 def _rescaled_joint(one: BodyJoint, size: float, times: float) -> BodyJoint:

@@ -11,6 +11,7 @@ from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.material_combine import (
     MIX_TOLERANCE,
     check_range,
+    crossed_factors,
     maximum_factors,
     mean_factors,
     minimum_factors,
@@ -161,6 +162,20 @@ def test_coefficients_an_engine_would_alter_are_named():
         check_range("test", "friction", scenario, wanted, least=0.002)
     with pytest.raises(Unsupported, match=r"^test: friction must be 0 or up to 0.3, found 0.4 .* q-r$"):
         check_range("test", "friction", scenario, wanted, greatest=0.3)
+
+
+def test_lengths_of_rolling_friction_are_crossed_with_friction():
+    """Factors that are not negative give r_a f_b + r_b f_a; lengths that no factors give are named."""
+    scenario = crowd("abc", ab=0.1, ac=0.2, bc=0.3)
+    frictions = [1.0, 0.5, 0.25]
+    wanted = dict(zip(scenario.touching_pairs(), (0.01, 0.004, 0.003)))
+    factors = crossed_factors("test", "rolling friction", scenario, wanted, frictions)
+    assert min(factors) >= 0
+    for (a, b), length in wanted.items():
+        assert factors[a] * frictions[b] + factors[b] * frictions[a] == pytest.approx(length)
+    assert crossed_factors("test", "", scenario, dict.fromkeys(wanted, 0.0), [0.0] * 3) == [0.0] * 3
+    with pytest.raises(Unsupported, match=r"^test: no rolling friction per body gives the pairs .*q-r"):
+        crossed_factors("test", "rolling friction", scenario, wanted, [1.0, 0.0, 0.0])
 
 
 def test_a_crowd_of_hundreds_is_solved_at_once():

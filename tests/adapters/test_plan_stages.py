@@ -77,7 +77,26 @@ def cases(lab: SimpleNamespace) -> dict[str, tuple[Scenario, Scenario]]:
     """Of each effect a scene in which it alone matters, and one in which it is not needed."""
     ground, ball = lab.ground(), lab.ball()
     still = {"gravity": (0.0, 0.0, 0.0)}
+    lying = {"position": (0.0, 0.0, 0.05)}
+    rolls = lab.ball(**lying, linear_velocity=(1.0, 0.0, 0.0), angular_velocity=(0.0, 20.0, 0.0))
+    spins, rests = (
+        lab.ball(**lying, angular_velocity=(0.0, 0.0, 5.0)),
+        lab.block("box", (0.05,) * 3, (0, 0, 0.05)),
+    )
+    pulled = {"gravity": (3.0, 0.0, -10.0), "mu": 0.2}
     return {
+        "static_friction": (
+            lab.scene(ground, rests, **pulled, laws={"static_friction": 0.4}),
+            lab.scene(ground, rests, **pulled),
+        ),
+        "rolling_friction": (
+            lab.scene(ground, rolls, mu=0.3, laws={"rolling_friction": 1e-3}),
+            lab.scene(ground, rolls, mu=0.3),
+        ),
+        "torsional_friction": (
+            lab.scene(ground, spins, mu=0.3, laws={"torsional_friction": 1e-3}),
+            lab.scene(ground, spins, mu=0.3),
+        ),
         "gravity": (lab.scene(ball), lab.scene(ball, **still)),
         "rotation": (lab.scene(lab.ball(**SPIN), **still), lab.scene(ball)),
         "restitution": (lab.scene(ground, ball, e=0.5), lab.scene(ground, ball)),

@@ -90,6 +90,11 @@ def test_random_scenes_gain_no_energy(profile: str) -> None:
     assert broken(few(profile), LAWS) == []
 
 
+def test_heaps_with_friction_beyond_mu_gain_no_energy() -> None:
+    """Static, rolling and torsional friction add nothing to a heap, and let nothing through."""
+    assert broken(played("balanced", range(20), FEW_BODIES, "friction"), LAWS) == []
+
+
 @pytest.mark.parametrize(
     ("kind", "first"),
     [("grip", 77710040), ("lift", 77710040), ("drag", 77710040), ("sweep", 77710040), ("person", 98000046)],

@@ -27,6 +27,10 @@ def reason(made: Plan, effect: str) -> str:
         ("gravity", {}, {"gravity": (0.0, 0.0, 0.0)}),
         ("restitution", {"e": 0.4}, {"e": 0.0}),
         ("friction", {"mu": 0.1}, {"mu": 0.0}),
+        ("friction", {"laws": {"rolling_friction": 1e-3}}, {"mu": 0.0}),
+        ("static_friction", {"mu": 0.1, "laws": {"static_friction": 0.2}}, {"mu": 0.1}),
+        ("rolling_friction", {"laws": {"rolling_friction": 1e-3}}, {"mu": 0.1}),
+        ("torsional_friction", {"laws": {"torsional_friction": 1e-3}}, {"mu": 0.1}),
     ],
 )
 def test_a_ball_over_the_ground(lab: SimpleNamespace, effect: str, needed: dict, not_needed: dict) -> None:

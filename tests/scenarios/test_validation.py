@@ -148,6 +148,10 @@ PAIR = [
     ({"restitution": nan}, "coefficients[0].restitution", "nan"),
     ({"friction": -0.1}, "coefficients[0].friction", ">= 0"),
     ({"friction": inf}, "coefficients[0].friction", "inf"),
+    ({"rolling_friction": -0.1}, "coefficients[0].rolling_friction", "a length >= 0 [m]"),
+    ({"torsional_friction": nan}, "coefficients[0].torsional_friction", "found nan"),
+    ({"static_friction": -1.0}, "coefficients[0].static_friction", ">= 0"),
+    ({"static_friction": 1e-3}, "coefficients[0].static_friction", "expected at least friction = "),
     ({"material_b": "human"}, "coefficients[1]", "named twice"),
     ({"material_a": "metal"}, "coefficients", "no coefficients for the pair wood and wood"),
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 import pybullet
@@ -57,6 +58,17 @@ PRIMITIVES = {
 }
 
 
+class Factors(NamedTuple):
+    """Factors of a body's coefficients, by Bullet's names. With the factors f of friction, a pair multiplies
+    those of restitution and friction, and rolls and spins under r_a f_b + r_b f_a (btManifoldResult.cpp): a
+    length, as moments are bounded by it times the normal impulse."""
+
+    restitution: float
+    lateralFriction: float
+    rollingFriction: float
+    spinningFriction: float
+
+
 class Bodies:
     """The bodies of a scenario in the client `on`.
 
@@ -76,11 +88,11 @@ class Bodies:
         self,
         scenario: Scenario,
         settings: Settings,
-        factors: list[tuple[float, float]],
+        factors: list[Factors],
         drives: Mapping[int, Drive],
         on: dict[str, int],
     ) -> None:
-        """`factors`: restitution and friction of each body; `drives`: by trackers that are coupled."""
+        """`factors`: of each body; `drives`: by trackers that are coupled."""
         self._scenario, self._factors, self._drives, self._on = scenario, factors, drives, on
         self.parameters = tables.parameters_of(settings.profile, settings.changes)
         self.sleep = tables.ASLEEP if settings.sleeping or self.parameters.sleep else {}
@@ -235,8 +247,7 @@ class Bodies:
         pybullet.changeDynamics(number, BASE, **dynamics, **self._on)
         for k, body in enumerate(bodies):
             link = first + k
-            restitution, friction = self._factors[body]
-            own = {"restitution": restitution, "lateralFriction": friction, **LINK}
+            own = {**LINK, **self._factors[body]._asdict()}
             if k < turned:
                 own["localInertiaDiagonal"] = self.moments[body]
             pybullet.changeDynamics(number, link, **own, **self._on)

@@ -32,7 +32,7 @@ from touchstone.adapters.contract import (
     State,
     Unsupported,
 )
-from touchstone.adapters.engines.bullet.bodies import Bodies
+from touchstone.adapters.engines.bullet.bodies import Bodies, Factors
 from touchstone.adapters.engines.bullet.joints import close_loops
 from touchstone.adapters.engines.bullet.read_back import ReadBack
 from touchstone.adapters.engines.bullet.tables import (
@@ -41,7 +41,14 @@ from touchstone.adapters.engines.bullet.tables import (
     UNTURNED,
     Multibody,
 )
-from touchstone.adapters.material_combine import check_range, frictions, product_factors, restitutions
+from touchstone.adapters.material_combine import (
+    check_range,
+    crossed_factors,
+    friction_lengths,
+    frictions,
+    product_factors,
+    restitutions,
+)
 from touchstone.adapters.posed_drive import coupled, moving_surfaces, posed_of
 from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import Drive, without_ballast
@@ -58,6 +65,7 @@ class BulletEngine:
     name: ClassVar[str] = "bullet"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["bullet"].profiles
     plays_body_joints: ClassVar[bool] = True
+    friction_laws: ClassVar[tuple[str, ...]] = ("rolling_friction", "torsional_friction")
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Build a world in its own physics client."""
@@ -68,7 +76,12 @@ class BulletEngine:
         check_range("bullet", "friction", scenario, frictions(scenario), greatest=FRICTION_MAX)
         restitution = product_factors("bullet", "restitution", scenario, restitutions(scenario))
         friction = product_factors("bullet", "friction", scenario, frictions(scenario))
-        return World(scenario, settings, list(zip(restitution, friction)))
+        rolling, spinning = (
+            crossed_factors("bullet", f"{law} friction", scenario, friction_lengths(scenario, law), friction)
+            for law in ("rolling", "torsional")
+        )
+        factors = [Factors(*of_body) for of_body in zip(restitution, friction, rolling, spinning)]
+        return World(scenario, settings, factors)
 
     def version(self) -> str:
         """Versions of the package and of Bullet's API."""
@@ -76,9 +89,9 @@ class BulletEngine:
 
 
 class World:
-    """A scenario in a physics client; `factors` are the restitution and friction of each body."""
+    """A scenario in a physics client."""
 
-    def __init__(self, scenario: Scenario, settings: Settings, factors: list[tuple[float, float]]) -> None:
+    def __init__(self, scenario: Scenario, settings: Settings, factors: list[Factors]) -> None:
         self._scenario, self._settings = scenario, settings
         self._posed = posed_of(scenario, settings) + moving_surfaces("bullet", scenario, settings)
         self._moment = 0

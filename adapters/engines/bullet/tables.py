@@ -45,7 +45,7 @@ MULTIBODY: dict[str, int | float] = {
 }
 ASLEEP: dict[str, int | float] = {"activationState": pybullet.ACTIVATION_STATE_ENABLE_SLEEPING}
 """Setting of a base that may sleep, if requested; never of a driven one, which no force would wake."""
-LINK: dict[str, int | float] = {"jointDamping": 0.0, "rollingFriction": 0.0, "spinningFriction": 0.0}
+LINK: dict[str, int | float] = {"jointDamping": 0.0}
 
 
 class Parameters(NamedTuple):

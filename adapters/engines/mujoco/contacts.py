@@ -11,6 +11,10 @@ chosen so that the *discrete steps* have the spring's decay and frequency. The s
 steps a bounce takes and the more e depends on where within a step it starts: `bounce` bounds its frequency
 times the step. Friction is set per pair; mu = 0 is a frictionless contact (condim 1).
 
+Torsional friction takes condim 4, rolling friction 6; their coefficients are lengths. In the elliptic cone
+friction, spin and rolling share one bound, sum (f_i / mu_i)^2 <= f_n^2: a contact that needs friction to roll
+has a little less of a moment.
+
 In `accurate` the impedance does not depend on depth, so the spring is linear. Friction has its own damping
 (solreffriction, for the elliptic cone only), no higher than by default: at the normal force's stiffness it
 would throw a sliding body off the ground.
@@ -25,10 +29,10 @@ from typing import Any
 
 from scipy.optimize import brentq
 
-from touchstone.adapters.contract import Array, Settings
+from touchstone.adapters.contract import Array, Settings, Unsupported
 from touchstone.adapters.engines.mujoco.masks import GeomFilter, contact_filter
 from touchstone.adapters.engines.mujoco.settings import SETTINGS
-from touchstone.adapters.material_combine import check_range, frictions, restitutions
+from touchstone.adapters.material_combine import check_range, friction_lengths, frictions, restitutions
 from touchstone.adapters.registry import ACCURATE, DEFAULT
 from touchstone.scenarios.scenario import Scenario
 
@@ -121,8 +125,16 @@ def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, setti
     check_range("mujoco", "friction", scenario, frictions(scenario), least=FRICTION_MIN)
     if settings.profile not in PULLING:
         check_range("mujoco", "restitution", scenario, restitutions(scenario), least=RESTITUTION_MIN)
-    if "solreffriction" in SETTINGS.in_force(settings.profile, settings.changes):
-        # Geoms have none.
+    moments = friction_lengths(scenario, "rolling"), friction_lengths(scenario, "torsional")
+    slippery = [
+        pair for pair, mu in frictions(scenario).items() if mu == 0 < moments[0][pair] + moments[1][pair]
+    ]
+    if slippery:
+        one, two = (scenario.bodies[k].name for k in slippery[0])
+        raise Unsupported(f"mujoco: rolling or torsional friction needs mu > 0, found 0 for {one} and {two}")
+    has_moments = any(any(lengths.values()) for lengths in moments)
+    if has_moments or "solreffriction" in SETTINGS.in_force(settings.profile, settings.changes):
+        # Geoms have no solreffriction, and masks choose by restitution and friction.
         add_pairs(spec, scenario, settings, scenario.touching_pairs())
         return
     found = contact_filter(scenario)
@@ -150,13 +162,15 @@ def add_pairs(spec: Any, scenario: Scenario, settings: Settings, pairs: Iterable
         options["solreffriction"] = (STIFFNESS_UNUSED, -2 / values["solreffriction"])
     for a, b in pairs:
         e, mu = scenario.pair_coefficients(a, b)
+        law = scenario.friction_law(a, b)
+        dimensions = 6 if law.rolling > 0 else 4 if law.torsional > 0 else 3
         for first in range(len(scenario.bodies[a].pieces)):
             for second in range(len(scenario.bodies[b].pieces)):
                 spec.add_pair(
                     geomname1=f"{a}.{first}",
                     geomname2=f"{b}.{second}",
-                    condim=3 if mu > 0 else 1,
-                    friction=(mu, mu, 0.0, 0.0, 0.0),
+                    condim=dimensions if mu > 0 else 1,
+                    friction=(mu, mu, law.torsional, law.rolling, law.rolling),
                     solref=solref_of(e, settings),
                     **options,
                 )

@@ -88,6 +88,7 @@ class MujocoEngine:
     name: ClassVar[str] = "mujoco"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["mujoco"].profiles
     plays_body_joints: ClassVar[bool] = True
+    friction_laws: ClassVar[tuple[str, ...]] = ("rolling_friction", "torsional_friction")
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if MuJoCo cannot represent it."""

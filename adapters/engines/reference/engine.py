@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import (
     BODIES,
+    MOMENT_WORK,
     AdapterError,
     BodyFacts,
     Manifest,
@@ -43,7 +44,7 @@ from touchstone.reference_impl.paper import frame as paper_frame
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.body_joints import is_limited
-from touchstone.scenarios.scenario import UNMOVED, Scenario
+from touchstone.scenarios.scenario import FRICTION_LAWS, UNMOVED, Scenario
 
 STAGES = ("drive", "removal", "contact", "rotation")
 """Stages that settings can disable in the compiled step."""
@@ -89,6 +90,7 @@ class ReferenceEngine:
     name: ClassVar[str] = "reference"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["reference"].profiles
     plays_body_joints: ClassVar[bool] = True
+    friction_laws: ClassVar[tuple[str, ...]] = FRICTION_LAWS
 
     def version(self) -> str:
         """Version of this project."""
@@ -104,6 +106,10 @@ class ReferenceEngine:
             raise Unsupported("reference: the method of profile paper has no moving surfaces")
         if settings.profile == PAPER and scenario.body_joints:
             raise Unsupported("reference: the method of profile paper has no joints between bodies")
+        if settings.profile == PAPER and any(
+            getattr(pair, law) > 0 for pair in scenario.coefficients for law in FRICTION_LAWS
+        ):
+            raise Unsupported("reference: the method of profile paper has no friction beyond its mu")
         compile_seconds()
         return _World(scenario, settings, self.version())
 
@@ -366,6 +372,8 @@ class _World:
         left["residual"] *= self._units.time
         left["dropped_time"] *= self._units.time
         left["parted_energy"] *= self._units.mass * self._units.length
+        if self._state["moments"]:
+            left[MOMENT_WORK] = float(self._state["moment_work"]) * self._units.mass * self._units.length
         return counted | left
 
     def close(self) -> None:

@@ -387,6 +387,12 @@ def _set_coefficients(scenario: Scenario, world: World) -> None:
     for a, b in scenario.touching_pairs():
         row, column = (materials.index(scenario.bodies[k].material) for k in (a, b))
         restitution, friction = scenario.pair_coefficients(a, b)
+        law = scenario.friction_law(a, b)
         for i, j in ((row, column), (column, row)):
+            world.state[0]["static_friction"][i, j] = law.static
+            world.state[0]["rolling"][i, j], world.state[0]["torsion"][i, j] = law.rolling, law.torsional
             world.state[0]["restitution"][i, j] = restitution
             world.state[0]["friction_coefficient"][i, j] = friction if friction >= FRICTION_LEAST else 0.0
+    lengths = world.state[0]["rolling"] + world.state[0]["torsion"]
+    world.state[0]["moments"] = lengths.any()
+    world.state[0]["statics"] = world.state[0]["static_friction"].any()

@@ -148,9 +148,10 @@ def friction_cone_point(context: Context) -> Values:
 
 
 def _bounds(context: Context) -> tuple[Array, Array]:
-    """Per contact row mu j_n, and |j_t| less the tangential rounding of a frictionless impulse [N s]."""
+    """Per contact row mu j_n, with the static coefficient if there is one, and |j_t| less the tangential
+    rounding of a frictionless impulse [N s]."""
     normal, tangential = context.impulses
-    limit = context.friction * np.maximum(normal, 0.0)
+    limit = context.most_friction * np.maximum(normal, 0.0)
     rounding = ROUNDING * np.linalg.norm(context.recording.contacts["impulse"], axis=1)
     return limit, np.asarray(np.maximum(0.0, np.linalg.norm(tangential, axis=1) - rounding))
 

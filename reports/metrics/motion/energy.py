@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array
+from touchstone.adapters.contract import MOMENT_WORK, Array
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
 from touchstone.reports.metrics.motion.joints import driving, spring_energy
 from touchstone.reports.metrics.posture import limit_excess
@@ -99,8 +99,9 @@ def energy_ledger(context: Context) -> Values:
     """Energy that simulated bodies gain over the run, per mechanism [J], where the engine reports it.
 
     friction, restitution: J . (v- + v+) / 2 along the contact plane and along its normal, v of B relative to
-    A, without contacts of driven bodies. drive: the work of those. correction: the remaining change of K + U,
-    due to pose correction and integration. Truth: only drive is above zero.
+    A, without contacts of driven bodies; friction includes that of rolling and torsional friction. drive: the
+    work of those. correction: the remaining change of K + U, due to pose correction and integration. Truth:
+    only drive is above zero.
     """
     if context.recording.facts["engine"] != "reference":
         raise NotMeasured("only the reference tells impulses with the velocities before and after each")
@@ -112,6 +113,7 @@ def energy_ledger(context: Context) -> Values:
     mean = rows["velocity_b_before"] - rows["velocity_a_before"]
     mean = (mean + rows["velocity_b_after"] - rows["velocity_a_after"]) / 2
     friction = np.einsum("ij,ij->i", tangential, mean)[free].sum()
+    friction += context.recording.work[:, context.recording.work_names == MOMENT_WORK].sum()
     restitution = (normal * np.einsum("ij,ij->i", rows["normal"], mean))[free].sum()
     drive = _work_of_driven_contacts(context)[-1]
     energy = mechanical_energy(context, context.simulated)
