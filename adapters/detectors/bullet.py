@@ -15,7 +15,7 @@ import pybullet
 
 from touchstone.adapters.contract import Array, Scalar, Unsupported
 from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
-from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Hull, Piece, Shape, Sphere
+from touchstone.scenarios.scenario import Box, Capsule, Cylinder, HalfSpace, Hull, Piece, Shape, Sphere
 
 FAR = 100.0
 """Maximum distance of a query [m]: larger than that of any pair in the study."""
@@ -84,6 +84,10 @@ def _shape(shape: Shape, client: int) -> int:
         case Cylinder(radius, half_length):
             made = pybullet.createCollisionShape(
                 pybullet.GEOM_CYLINDER, radius=radius, height=2 * half_length, physicsClientId=client
+            )
+        case HalfSpace():
+            made = pybullet.createCollisionShape(
+                pybullet.GEOM_PLANE, planeNormal=(0.0, 0.0, 1.0), physicsClientId=client
             )
         case Hull(vertices):
             made = pybullet.createCollisionShape(

@@ -1,5 +1,5 @@
 """Exact signed distance of two convex pieces by their explicit Minkowski difference: slow ground truth for
-convex depth. A ball is its centre, a capsule its segment, each less its radius."""
+convex depth. A ball is its centre, a capsule its segment, a rounded shape its core, each less its radius."""
 
 from __future__ import annotations
 
@@ -11,7 +11,16 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array, Unsupported
-from touchstone.scenarios.scenario import Box, Capsule, Hull, Piece, Sphere
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Hull,
+    Piece,
+    RoundedBox,
+    RoundedHull,
+    Sphere,
+    shape_name,
+)
 
 ON_SURFACE = 1e-14
 """Distance, relative to size, at which the origin counts as inside [1]: rounding."""
@@ -32,12 +41,16 @@ def core(piece: Piece) -> tuple[Array, float]:
             local, radius = CORNERS * half_extents, 0.0
         case Hull(vertices):
             local, radius = np.array(vertices), 0.0
+        case RoundedBox(half_extents, radius):
+            local = CORNERS * half_extents
+        case RoundedHull(vertices, radius):
+            local = np.array(vertices)
         case Sphere(radius):
             local = np.zeros((1, 3))
         case Capsule(radius, half_length):
             local = np.array([[0.0, 0.0, -half_length], [0.0, 0.0, half_length]])
         case _:
-            raise Unsupported(f"no Minkowski difference of {type(piece.shape).__name__.lower()}s")
+            raise Unsupported(f"no Minkowski difference of {shape_name(type(piece.shape))}s")
     turned = Rotation.from_quat(np.array(piece.orientation), scalar_first=True).apply(local)
     return np.asarray(turned + piece.position), radius
 

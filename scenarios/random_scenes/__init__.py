@@ -36,8 +36,12 @@ KINDS: Mapping[str, Callable[[Generator], Setup]] = {
 """Kinds that a seed may choose: name, which is also the tag, and builder."""
 FAST_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"shot": fast.shots, "slap": fast.slaps}
 """Kinds that are used on request only: they need continuous collision detection."""
-ROUND_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"cylinder": piles.cylinders}
-"""Kinds with cylinders, that are used on request only: a seed of KINDS stays what it is."""
+ROUND_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
+    "cylinder": piles.cylinders,
+    "cone": piles.cones,
+    "rounded": piles.rounded_boxes,
+}
+"""Kinds with other shapes, that are used on request only: a seed of KINDS stays what it is."""
 TERRAIN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {"terrain": piles.terrain}
 """Kinds on height fields, that are used on request only."""
 DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {

@@ -34,6 +34,7 @@ from touchstone.scenarios.scenario import (
     Box,
     Capsule,
     Cylinder,
+    HalfSpace,
     Hull,
     Joint,
     Piece,
@@ -54,6 +55,7 @@ PRIMITIVES = {
     Box: pybullet.GEOM_BOX,
     Capsule: pybullet.GEOM_CAPSULE,
     Cylinder: pybullet.GEOM_CYLINDER,
+    HalfSpace: pybullet.GEOM_PLANE,
 }
 
 
@@ -251,14 +253,15 @@ class Bodies:
         return Part(0.0 if weightless else own.mass, shape, center, tuple(self.axes[body]))
 
     def _add_shapes(self, body: int) -> list[int]:
-        """Create Bullet's shapes of a body: compounds of its primitives, and one shape per hull."""
+        """Create Bullet's shapes of a body: compounds of primitives, and one per hull and half-space."""
         origin = self.origin[body]
         pieces = [
             replace(piece, position=vector(piece.position - origin))
             for piece in self._scenario.bodies[body].pieces
         ]
-        plain = [piece for piece in pieces if not isinstance(piece.shape, Hull)]
+        plain = [piece for piece in pieces if not isinstance(piece.shape, Hull | HalfSpace)]
         shapes = [self._add_primitives(plain[k : k + MOST_PARTS]) for k in range(0, len(plain), MOST_PARTS)]
+        shapes += [self._add_primitives([p]) for p in pieces if isinstance(p.shape, HalfSpace)]
         shapes += [self._add_hull(p, p.shape) for p in pieces if isinstance(p.shape, Hull)]
         return shapes or [NO_SHAPE]
 
@@ -272,6 +275,7 @@ class Bodies:
             lengths=[
                 2 * shape.half_length if isinstance(shape, Capsule | Cylinder) else 0.0 for shape in shapes
             ],
+            planeNormals=[(0.0, 0.0, 1.0) for _ in shapes],
             halfExtents=[shape.half_extents if isinstance(shape, Box) else ORIGIN for shape in shapes],
             collisionFramePositions=[piece.position for piece in pieces],
             collisionFrameOrientations=[xyzw(piece.orientation) for piece in pieces],
@@ -314,9 +318,9 @@ def _is_plain(body: Body) -> bool:
     """
     if body.kind in TRACKED or surface_moves(body) or not body.pieces:
         return False
-    hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
+    alone = sum(isinstance(piece.shape, Hull | HalfSpace) for piece in body.pieces)
     if body.kind == "fixed":
-        return (hulls == 0 and len(body.pieces) <= MOST_PARTS) or len(body.pieces) == 1
+        return (alone == 0 and len(body.pieces) <= MOST_PARTS) or len(body.pieces) == 1
     piece = body.pieces[0]
     centred = (piece.position, piece.orientation, body.center_of_mass) == (ORIGIN, IDENTITY, ORIGIN)
     if len(body.pieces) > 1 or not centred:

@@ -47,9 +47,19 @@ from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import Drive, without_ballast
 from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import (
+    Cone,
     Ellipsoid,
+    RoundedBox,
+    RoundedHull,
     Scenario,
 )
+
+MISSING = {
+    Cone: "cones",
+    Ellipsoid: "ellipsoids",
+    RoundedBox: "rounded boxes: a margin is no rounding, it is inside boxes",
+    RoundedHull: "rounded hulls: it sets no margin of a shape",
+}
 
 
 class BulletEngine:
@@ -63,8 +73,8 @@ class BulletEngine:
         """Build a world in its own physics client."""
         require_profile(self.name, settings)
         for body in scenario.bodies:
-            if any(isinstance(piece.shape, Ellipsoid) for piece in body.pieces):
-                raise Unsupported(f"bullet: pybullet makes no ellipsoids (body {body.name!r})")
+            for kind in {type(piece.shape) for piece in body.pieces} & MISSING.keys():
+                raise Unsupported(f"bullet: pybullet makes no {MISSING[kind]} (body {body.name!r})")
         check_range("bullet", "friction", scenario, frictions(scenario), greatest=FRICTION_MAX)
         restitution = product_factors("bullet", "restitution", scenario, restitutions(scenario))
         friction = product_factors("bullet", "friction", scenario, frictions(scenario))
