@@ -48,7 +48,7 @@ def _rolling(name: str, summary: str, slope: float, start: float, pace: float, d
     return Scenario(
         name,
         summary,
-        ("probe", "curved", "conservative"),
+        ("curved", "conservative"),
         (half_space("plane", "wood", orientation=quaternion(tilt)), body),
         duration,
         (PairCoefficients("wood", "wood", 0.0, 1.0),),

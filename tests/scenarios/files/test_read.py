@@ -11,6 +11,7 @@ from touchstone.scenarios.files.read import SceneFileError, read_scene
 from touchstone.scenarios.files.schema import json_schema
 from touchstone.scenarios.files.text_lines import json_lines, toml_lines
 from touchstone.scenarios.files.write import scene_toml
+from touchstone.scenarios.rounded_solid import rounded_mass_properties
 from touchstone.scenarios.scenario import Capsule, Cone, HalfSpace, Piece, RoundedBox, RoundedHull
 from touchstone.scenarios.solids import capsule_inertia
 
@@ -334,6 +335,7 @@ def test_a_wrong_height_field_is_one_line(scene, old, new, expected):
     assert fault.startswith(expected)
 
 
+CORNER = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 SHAPED = """
 [[bodies]]
 name = "other"
@@ -355,9 +357,9 @@ pieces = [{ name = "p", shape = SHAPE }]
             (0.0, 0.0, 0.0),
         ),
         (
-            "{ vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], radius = 1e-9 }",
-            RoundedHull(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 1e-9),
-            (0.25, 0.25, 0.25),
+            "{ vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], radius = 1 }",
+            RoundedHull(CORNER, 1.0),
+            rounded_mass_properties(CORNER, 1.0)[1],
         ),
     ],
 )
