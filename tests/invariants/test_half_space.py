@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Settings
+from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import load
 from touchstone.scenarios.catalogue import find
@@ -197,8 +197,12 @@ def rolled(box: RoundedBox, tilt: float, times: np.ndarray) -> np.ndarray:
     return np.column_stack((r * run.y[0] + places[:, 0], np.zeros(len(times)), r + places[:, 1]))
 
 
-def test_a_rounded_edge_rolls() -> None:
-    """Follow the integrated motion of a box that rolls back on its rounded edge, to 1e-6 m at 1/960 s."""
+@pytest.mark.parametrize(
+    ("engine", "profile", "rate", "error"),
+    [("reference", "balanced", 960, 1e-6), ("bullet", "recommended", 3840, 2e-4)],
+)
+def test_a_rounded_edge_rolls(engine: str, profile: str, rate: int, error: float) -> None:
+    """Follow the integrated motion of a box that rolls back on its rounded edge."""
     box, tilt = RoundedBox((0.1, 0.1, 0.05), 0.05), 0.5
     times = np.arange(25) / 120
     true = rolled(box, tilt, times)
@@ -212,5 +216,23 @@ def test_a_rounded_edge_rolls() -> None:
         0.2,
         (PairCoefficients("wood", "wood", 0.0, 1.0),),
     )
-    recording = record(load("reference"), replace(scene, frame_rate=120), Settings("balanced", 1 / 960))
-    np.testing.assert_allclose(recording.position[:, 1], true, atol=1e-6)
+    recording = record(load(engine), replace(scene, frame_rate=120), Settings(profile, 1 / rate))
+    np.testing.assert_allclose(recording.position[:, 1], true, atol=error)
+
+
+@pytest.mark.parametrize(
+    ("engine", "reason"),
+    [
+        ("mujoco", "no shape RoundedBox"),
+        ("dart", "no shape RoundedBox"),
+        ("bullet", "the only hull of a free"),
+    ],
+)
+def test_engines_refuse_what_they_cannot_round(engine: str, reason: str) -> None:
+    """MuJoCo and DART have no rounded shapes, Bullet one per body."""
+    one = rounded("box", "wood", RoundedBox((0.1, 0.1, 0.05), 0.05), 1.0, (0.0, 0.0, 0.1))
+    both = (*one.pieces, replace(one.pieces[0], name="other", position=(0.3, 0.0, 0.0)))
+    bodies = half_space("floor", "wood"), replace(one, pieces=both)
+    scene = Scenario("t", "", (), bodies, 1.0, (PairCoefficients("wood", "wood", 0.0, 0.5),))
+    with pytest.raises(Unsupported, match=reason):
+        load(engine).build(scene, Settings("recommended", 1 / 240))

@@ -32,7 +32,7 @@ from touchstone.adapters.contract import (
     State,
     Unsupported,
 )
-from touchstone.adapters.engines.bullet.bodies import Bodies
+from touchstone.adapters.engines.bullet.bodies import ROUNDED, Bodies
 from touchstone.adapters.engines.bullet.joints import close_loops
 from touchstone.adapters.engines.bullet.read_back import ReadBack
 from touchstone.adapters.engines.bullet.tables import (
@@ -49,17 +49,10 @@ from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import (
     Cone,
     Ellipsoid,
-    RoundedBox,
-    RoundedHull,
     Scenario,
 )
 
-MISSING = {
-    Cone: "cones",
-    Ellipsoid: "ellipsoids",
-    RoundedBox: "rounded boxes: a margin is no rounding, it is inside boxes",
-    RoundedHull: "rounded hulls: it sets no margin of a shape",
-}
+MISSING = {Cone: "cones", Ellipsoid: "ellipsoids"}
 
 
 class BulletEngine:
@@ -72,9 +65,13 @@ class BulletEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Build a world in its own physics client."""
         require_profile(self.name, settings)
+        joined = {name for joint in scenario.body_joints for name in (joint.parent, joint.child)}
         for body in scenario.bodies:
             for kind in {type(piece.shape) for piece in body.pieces} & MISSING.keys():
                 raise Unsupported(f"bullet: pybullet makes no {MISSING[kind]} (body {body.name!r})")
+            is_link = body.kind == "driven" or body.name in joined
+            if any(isinstance(p.shape, ROUNDED) for p in body.pieces) and (is_link or len(body.pieces) > 1):
+                raise Unsupported(f"bullet: margins round the only hull of a free body (body {body.name!r})")
         check_range("bullet", "friction", scenario, frictions(scenario), greatest=FRICTION_MAX)
         restitution = product_factors("bullet", "restitution", scenario, restitutions(scenario))
         friction = product_factors("bullet", "friction", scenario, frictions(scenario))
