@@ -27,17 +27,23 @@ from touchstone.scenarios.body_joints import mechanisms
 from touchstone.scenarios.effects import centred_ball
 from touchstone.scenarios.plan import Bounds, Plan, box_gap, least_gap, plan
 from touchstone.scenarios.scenario import (
+    HALF_SPACE_REACH,
     TRACKED,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Piece,
+    RoundedBox,
+    RoundedHull,
     Scenario,
     Sphere,
     Tracker,
 )
+from touchstone.scenarios.solids import core_vertices
 
 Indices = NDArray[np.intp]
 
@@ -93,12 +99,16 @@ def extent(piece: Piece) -> float:
             size = float(np.linalg.norm(half_extents))
         case Capsule(radius, half_length):
             size = radius + half_length
-        case Cylinder(radius, half_length):
+        case Cylinder(radius, half_length) | Cone(radius, half_length):
             size = float(np.hypot(radius, half_length))
         case Ellipsoid(half_axes):
             size = max(half_axes)
         case Hull(vertices):
             size = float(np.linalg.norm(vertices, axis=1).max())
+        case RoundedBox() | RoundedHull():
+            size = float(np.linalg.norm(core_vertices(piece.shape), axis=1).max()) + piece.shape.radius
+        case HalfSpace():
+            size = HALF_SPACE_REACH
     return float(np.linalg.norm(piece.position)) + size
 
 
@@ -184,7 +194,7 @@ def _refuse_crossing(scenario: Scenario, shown: Mapping[int, tuple[Array, Array]
 
 
 def _inner(piece: Piece) -> float:
-    """Radius of a ball about a piece's origin inside the piece [m]; 0 if unknown."""
+    """Radius of a ball about a piece's origin inside the piece [m], or a lower bound."""
     match piece.shape:
         case Sphere(radius) | Capsule(radius, _):
             return radius
@@ -194,7 +204,11 @@ def _inner(piece: Piece) -> float:
             return min(radius, half_length)
         case Ellipsoid(half_axes):
             return min(half_axes)
-        case Hull(_):
+        case Cone(radius, half_length):
+            return radius * half_length / float(np.hypot(radius, 2 * half_length))
+        case RoundedBox(half_extents, radius):
+            return min(half_extents) + radius
+        case Hull(_) | RoundedHull(_, _) | HalfSpace():
             return 0.0
 
 

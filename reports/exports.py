@@ -24,6 +24,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
     Hull,
@@ -31,6 +32,7 @@ from touchstone.scenarios.scenario import (
     Scenario,
     Sphere,
 )
+from touchstone.scenarios.solids import shown_piece
 
 AXES, QUATERNION = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
 
@@ -100,6 +102,7 @@ def body_mesh(body: Body) -> Mesh:
 
 
 def _piece(piece: Piece) -> Mesh:
+    piece = shown_piece(piece)
     corners, normals = _shape(piece)
     turned = Rotation.from_quat(piece.orientation, scalar_first=True)
     return turned.apply(corners) + np.array(piece.position), turned.apply(normals)
@@ -114,7 +117,9 @@ def _shape(piece: Piece) -> Mesh:
         case Capsule(radius, half_length):
             return _ball(np.full(3, radius), half_length)
         case Cylinder(radius, half_length):
-            return _cylinder(radius, half_length)
+            return _cylinder(radius, half_length, radius)
+        case Cone(radius, half_length):
+            return _cylinder(radius, half_length, 0.0)
         case Box(half):
             signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
             return _hull(signs * np.array(half))
@@ -133,15 +138,21 @@ def _hull(vertices: Array) -> Mesh:
     return faces.reshape(-1, 3), np.repeat(normals, 3, axis=0)
 
 
-def _cylinder(radius: float, half_length: float) -> Mesh:
-    """Prism of SIDES sides whose side has the cylinder's normals."""
+def _cylinder(radius: float, half_length: float, top: float) -> Mesh:
+    """Prism or pyramid of SIDES sides whose side has the normals of a cylinder or, if the radius `top` of its
+    upper cap is 0, of a cone."""
     turns = 2 * pi * np.arange(SIDES) / SIDES
-    rim = radius * np.column_stack((np.cos(turns), np.sin(turns)))
-    corners, normals = _hull(
-        np.vstack([np.column_stack((rim, np.full(SIDES, z))) for z in (-half_length, half_length)])
-    )
-    side = np.abs(normals[:, 2]) < 0.5
-    normals[side, :2] = corners[side, :2] / radius
+    around = np.column_stack((np.cos(turns), np.sin(turns)))
+    lower = np.column_stack((radius * around, np.full(SIDES, -half_length)))
+    upper = np.column_stack((top * around, np.full(SIDES, half_length)))
+    corners, normals = _hull(np.vstack((lower, upper if top else upper[:1])))
+    side = np.abs(normals[:, 2]) < 1 - 1e-9
+    # at an apex, the normal of the triangle
+    off = np.hypot(corners[:, 0], corners[:, 1])
+    side &= off > 0
+    slant = np.hypot(radius - top, 2 * half_length)
+    normals[side, :2] = corners[side, :2] / off[side, None] * 2 * half_length / slant
+    normals[side, 2] = (radius - top) / slant
     return corners, normals
 
 

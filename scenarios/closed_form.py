@@ -22,6 +22,7 @@ from touchstone.scenarios.avatar.tracking import path, sample
 from touchstone.scenarios.scenario import Arc, Body, Scenario, Sphere, Tracker, Truth
 from touchstone.scenarios.truths.body_motion import Array, Motion
 from touchstone.scenarios.truths.mechanism import mechanism_motion
+from touchstone.scenarios.truths.rolling_cone import rolling_cone
 from touchstone.scenarios.truths.smooth_contact import smooth_contact
 from touchstone.scenarios.truths.stick_slip import stick_slip
 from touchstone.scenarios.truths.tipping import tipping
@@ -53,6 +54,8 @@ def motion(scenario: Scenario, truth: Truth, times: Array) -> Motion:
             return _on_turntable(scenario, body, times)
         case "smooth_contact":
             return smooth_contact(scenario, body, times)
+        case "rolling_cone":
+            return rolling_cone(scenario, body, times)
         case "tipping":
             return tipping(scenario, body, times)
         case "mechanism":

@@ -8,6 +8,7 @@ origin on the hinge. Every object is plain, frozen data.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sized
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -40,6 +41,7 @@ Law = Literal[
     "carried",
     "turntable",
     "smooth_contact",
+    "rolling_cone",
     "tipping",
     "mechanism",
     "stick_slip",
@@ -117,6 +119,15 @@ class Cylinder:
 
 
 @dataclass(frozen=True, slots=True)
+class Cone:
+    """Solid cone about the z axis: its base of `radius` [m] at z = -`half_length` [m], its apex at
+    `half_length`."""
+
+    radius: float
+    half_length: float
+
+
+@dataclass(frozen=True, slots=True)
 class Ellipsoid:
     """Ellipsoid with `half_axes` [m] along the piece's axes."""
 
@@ -130,7 +141,36 @@ class Hull(ShortRepr):
     vertices: tuple[Vector, ...]
 
 
-Shape = Sphere | Box | Capsule | Cylinder | Ellipsoid | Hull
+@dataclass(frozen=True, slots=True)
+class RoundedBox:
+    """All points within `radius` [m] of a box with `half_extents` [m] along the piece's axes."""
+
+    half_extents: Vector
+    radius: float
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class RoundedHull(ShortRepr):
+    """All points within `radius` [m] of the convex hull of `vertices` [m], each of which must be a corner."""
+
+    vertices: tuple[Vector, ...]
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class HalfSpace:
+    """All points with z <= 0 in the piece's frame: what is below a plane; of fixed bodies only."""
+
+
+Shape = Sphere | Box | Capsule | Cylinder | Cone | Ellipsoid | Hull | RoundedBox | RoundedHull | HalfSpace
+
+HALF_SPACE_REACH = 1e9
+"""Distance from its origin at which bounding boxes end a half-space [m]: beyond any scene."""
+
+
+def shape_name(kind: type) -> str:
+    """Name of a shape's type in files: `half_space` of HalfSpace."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind.__name__).lower()
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -362,9 +402,10 @@ class Truth(ShortRepr):
     within a frame. carried: a body that sticks to or slides on the level top of the scene's prescribed body,
     which moves in a vertical plane without turning. turntable: a ball that rolls on a prescribed body, which
     turns about the vertical at a constant rate. smooth_contact: a ball, an ellipsoid or the rim of a cylinder
-    on fixed boxes, or a ball on fixed balls. tipping: a prism that tips from edge to edge down a fixed slope,
-    e = 0. mechanism: bodies that joints without limits connect, without contact. stick_slip: a body that a
-    spring holds on a moving surface.
+    on fixed boxes or half-spaces, or a ball on fixed balls. rolling_cone: a cone that rolls on its side about
+    its apex on a fixed plane. tipping: a prism that tips from edge to edge down a fixed slope, e = 0.
+    mechanism: bodies that joints without limits connect, without contact. stick_slip: a body that a spring
+    holds on a moving surface.
     """
 
     body: str

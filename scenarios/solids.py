@@ -3,31 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
-from math import fsum
+from math import cos, fsum, pi, sin
 from typing import TypedDict, Unpack
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.rounded_solid import rounded_mass_properties, surface_points
 from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
     Body,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Kind,
     Matrix,
     Piece,
     Quaternion,
+    RoundedBox,
+    RoundedHull,
     Shape,
     Sphere,
     Vector,
     vector,
 )
+
+SLAB = (10.0, 10.0, 0.5)
+"""Half extents of a floor [m]."""
 
 
 class Motion(TypedDict, total=False):
@@ -71,6 +81,13 @@ def cylinder_inertia(mass: float, radius: float, half_length: float) -> Matrix:
     """Inertia [kg m^2] of a uniform solid cylinder along z about its centre; radius and half length in m."""
     across = mass * (radius * radius / 4 + half_length * half_length / 3)
     return _diagonal(across, across, mass * radius * radius / 2)
+
+
+def cone_inertia(mass: float, radius: float, half_length: float) -> Matrix:
+    """Inertia [kg m^2] of a uniform solid cone along z about its centre of mass, which is `half_length` / 2
+    above its base; radius and half length in m."""
+    across = 3 / 20 * mass * (radius * radius + half_length * half_length)
+    return _diagonal(across, across, 3 / 10 * mass * radius * radius)
 
 
 def hull_mass_properties(
@@ -213,6 +230,24 @@ def cylinder(
     return _solid(name, kind, material, shape, mass, inertia, (position, orientation), motion)
 
 
+def cone(
+    name: str,
+    material: str,
+    radius: float,
+    half_length: float,
+    mass: float = 0.0,
+    position: Vector = ORIGIN,
+    orientation: Quaternion = IDENTITY,
+    kind: Kind = "simulated",
+    **motion: Unpack[Motion],
+) -> Body:
+    """A solid cone along the body's z axis, whose origin is its centre of mass, `half_length` / 2 above its
+    base; radius and half length in m, mass in kg, then its state."""
+    inertia, shape = cone_inertia(mass, radius, half_length), Cone(radius, half_length)
+    body = _solid(name, kind, material, shape, mass, inertia, (position, orientation), motion)
+    return replace(body, pieces=(Piece(name, shape, (0.0, 0.0, half_length / 2)),))
+
+
 def ellipsoid(
     name: str,
     material: str,
@@ -250,6 +285,32 @@ def hull(
     return _solid(name, kind, material, Hull(corners), mass, inertia, (position, orientation), motion)
 
 
+def box_corners(half_extents: Vector) -> tuple[Vector, ...]:
+    """The eight corners of a box about the origin [m]."""
+    x, y, z = half_extents
+    return tuple((a * x, b * y, c * z) for a, b, c in product((-1, 1), repeat=3))
+
+
+def core_vertices(shape: RoundedBox | RoundedHull) -> tuple[Vector, ...]:
+    """Corners of the core of a rounded shape [m]."""
+    return box_corners(shape.half_extents) if isinstance(shape, RoundedBox) else shape.vertices
+
+
+def rounded(
+    name: str,
+    material: str,
+    shape: RoundedBox | RoundedHull,
+    mass: float,
+    position: Vector = ORIGIN,
+    orientation: Quaternion = IDENTITY,
+    **motion: Unpack[Motion],
+) -> Body:
+    """A simulated rounded box or hull about its centre of mass, its origin; mass in kg, then its state."""
+    _, centre, inertia = rounded_mass_properties(core_vertices(shape), shape.radius, mass=mass)
+    body = _solid(name, "simulated", material, shape, mass, inertia, (position, orientation), motion)
+    return replace(body, pieces=(Piece(name, shape, vector(-np.array(centre))),))
+
+
 def slab(
     name: str, material: str, normal: Vector = (0.0, 0.0, 1.0), orientation: Quaternion = IDENTITY
 ) -> Body:
@@ -262,10 +323,38 @@ def slab(
         name,
         "fixed",
         material,
-        (Piece(name, Box((10.0, 10.0, 0.5))),),
+        (Piece(name, Box(SLAB)),),
         position=(-0.5 * x, -0.5 * y, -0.5 * z),
         orientation=orientation,
     )
+
+
+PYRAMID_SIDES = 32
+
+
+def pyramid(shape: Cone) -> tuple[Vector, ...]:
+    """Corners of the pyramid of PYRAMID_SIDES sides inside a cone [m], for formats without cones."""
+    turns = [2 * pi * k / PYRAMID_SIDES for k in range(PYRAMID_SIDES)]
+    rim = [(shape.radius * cos(turn), shape.radius * sin(turn), -shape.half_length) for turn in turns]
+    return (*rim, (0.0, 0.0, shape.half_length))
+
+
+def half_space(
+    name: str, material: str, position: Vector = ORIGIN, orientation: Quaternion = IDENTITY
+) -> Body:
+    """A fixed half-space below the body's x-y plane, whose outward normal is the body's z axis."""
+    piece = Piece(name, HalfSpace())
+    return Body(name, "fixed", material, (piece,), position=position, orientation=orientation)
+
+
+def shown_piece(piece: Piece) -> Piece:
+    """What pictures show of a piece: the slab of `slab` for a half-space, a hull for a rounded shape."""
+    if isinstance(piece.shape, RoundedBox | RoundedHull):
+        return replace(piece, shape=Hull(surface_points(core_vertices(piece.shape), piece.shape.radius)))
+    if not isinstance(piece.shape, HalfSpace):
+        return piece
+    below = Rotation.from_quat(piece.orientation, scalar_first=True).apply((0.0, 0.0, -SLAB[2]))
+    return replace(piece, shape=Box(SLAB), position=vector(piece.position + below))
 
 
 def elliptic_hull(half_axes: Vector) -> tuple[Vector, ...]:

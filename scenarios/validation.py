@@ -37,13 +37,17 @@ from touchstone.scenarios.scenario import (
     BodyJoint,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Joint,
     Kind,
     Law,
     Piece,
+    RoundedBox,
+    RoundedHull,
     Scenario,
     Shape,
     Sphere,
@@ -53,6 +57,7 @@ from touchstone.scenarios.truths.force_checks import check_forces
 from touchstone.scenarios.truths.mechanism import check_mechanism
 from touchstone.scenarios.truths.pair_names import ambiguities
 from touchstone.scenarios.truths.published import check_published
+from touchstone.scenarios.truths.rolling_cone import check_rolling_cone
 from touchstone.scenarios.truths.smooth_contact import check_smooth_contact
 from touchstone.scenarios.truths.stick_slip import check_stick_slip
 from touchstone.scenarios.truths.tipping import check_tipping
@@ -181,6 +186,9 @@ def _check_body(body: Body, path: str, is_joined: bool, report: Report) -> None:
         report(f"{path}.pieces", "found none, expected at least one")
     for k, piece in enumerate(body.pieces):
         check_piece(piece, f"{path}.pieces[{k}]", report)
+        if isinstance(piece.shape, HalfSpace) and body.kind != "fixed":
+            found = f"found a half-space on a {body.kind} body, expected a fixed one"
+            report(f"{path}.pieces[{k}].shape", found)
         for field in ("surface_velocity", "surface_angular_velocity"):
             finite(getattr(piece, field), f"{path}.pieces[{k}].{field}", report, 3)
             if body.kind not in UNMOVED and any(getattr(piece, field)):
@@ -219,7 +227,7 @@ def _check_shape(shape: Shape, path: str, report: Report) -> None:
             positive([radius], f"{path}.radius", report, most=LONGEST)
         case Box(half_extents):
             positive(half_extents, f"{path}.half_extents", report, 3, LONGEST)
-        case Capsule(radius, half_length) | Cylinder(radius, half_length):
+        case Capsule(radius, half_length) | Cylinder(radius, half_length) | Cone(radius, half_length):
             positive([radius], f"{path}.radius", report, most=LONGEST)
             positive([half_length], f"{path}.half_length", report, most=LONGEST)
         case Ellipsoid(half_axes):
@@ -227,6 +235,14 @@ def _check_shape(shape: Shape, path: str, report: Report) -> None:
         case Hull(vertices):
             if finite_rows(vertices, f"{path}.vertices", report, 3, LONGEST):
                 _check_hull(np.array(vertices, dtype=float).reshape(-1, 3), f"{path}.vertices", report)
+        case RoundedBox(half_extents, radius):
+            _check_shape(Box(half_extents), path, report)
+            _check_shape(Sphere(radius), path, report)
+        case RoundedHull(vertices, radius):
+            _check_shape(Hull(vertices), path, report)
+            _check_shape(Sphere(radius), path, report)
+        case HalfSpace():
+            pass
         case _:
             report(path, f"unknown shape {type(shape).__name__}; valid: {', '.join(SHAPES)}")
 
@@ -348,6 +364,8 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
             _check_support(scenario, truth, body, f"{path}.body", report)
         elif truth.law == "smooth_contact":
             check_smooth_contact(scenario, body, f"{path}.body", report)
+        elif truth.law == "rolling_cone":
+            check_rolling_cone(scenario, body, f"{path}.body", report)
         elif truth.law == "tipping":
             check_tipping(scenario, body, f"{path}.body", report)
         elif truth.law == "mechanism":

@@ -1,7 +1,8 @@
 """Bullet's closest points through pybullet.
 
 Conventions: quaternions are xyzw; a point's normal points from B to A; distance is negative in overlap. Hulls
-have a margin of 1 mm. pybullet prints its build time on import: the child's output is redirected.
+have a margin of 1 mm, that of rounded ones is their radius. pybullet prints its build time on import: the
+child's output is redirected.
 """
 
 from __future__ import annotations
@@ -15,7 +16,19 @@ import pybullet
 
 from touchstone.adapters.contract import Array, Scalar, Unsupported
 from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
-from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Hull, Piece, Shape, Sphere
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    Hull,
+    Piece,
+    RoundedBox,
+    RoundedHull,
+    Shape,
+    Sphere,
+)
+from touchstone.scenarios.solids import core_vertices
 
 FAR = 100.0
 """Maximum distance of a query [m]: larger than that of any pair in the study."""
@@ -59,7 +72,11 @@ class BulletDetector:
         body: int = pybullet.createMultiBody(
             0, shape, -1, piece.position, (x, y, z, w), physicsClientId=self._client
         )
-        if self._tight:
+        if isinstance(piece.shape, RoundedBox | RoundedHull):
+            pybullet.changeDynamics(
+                body, -1, collisionMargin=piece.shape.radius, physicsClientId=self._client
+            )
+        elif self._tight:
             pybullet.changeDynamics(body, -1, collisionMargin=0.0, physicsClientId=self._client)
         return body
 
@@ -85,7 +102,12 @@ def _shape(shape: Shape, client: int) -> int:
             made = pybullet.createCollisionShape(
                 pybullet.GEOM_CYLINDER, radius=radius, height=2 * half_length, physicsClientId=client
             )
-        case Hull(vertices):
+        case HalfSpace():
+            made = pybullet.createCollisionShape(
+                pybullet.GEOM_PLANE, planeNormal=(0.0, 0.0, 1.0), physicsClientId=client
+            )
+        case Hull() | RoundedBox() | RoundedHull():
+            vertices = shape.vertices if isinstance(shape, Hull) else core_vertices(shape)
             made = pybullet.createCollisionShape(
                 pybullet.GEOM_MESH, vertices=vertices, physicsClientId=client
             )

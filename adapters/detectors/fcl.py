@@ -17,7 +17,17 @@ from scipy.spatial import ConvexHull
 from touchstone.adapters.contract import Array, Scalar, Unsupported
 from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
 from touchstone.adapters.engines.reference.reference_world import matrix
-from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Hull, Piece, Shape, Sphere
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    HalfSpace,
+    Hull,
+    Piece,
+    Shape,
+    Sphere,
+)
 
 
 class FclCollide:
@@ -100,6 +110,10 @@ def _shape(shape: Shape) -> Any:
             return fcl.Capsule(radius, 2 * half_length)
         case Cylinder(radius, half_length):
             return fcl.Cylinder(radius, 2 * half_length)
+        case Cone(radius, half_length):
+            return fcl.Cone(radius, 2 * half_length)
+        case HalfSpace():
+            return fcl.Halfspace(np.array((0.0, 0.0, 1.0)), 0.0)
         case Hull(vertices):
             points = np.array(vertices)
             faces = outward_faces(points)

@@ -1,4 +1,5 @@
-"""Signed distances in closed form, for many poses at a time: of spheres, and of shapes over a face of a box.
+"""Signed distances in closed form, for many poses at a time: of spheres, of shapes over a face of a box, and
+of all shapes over a half-space.
 
 Conventions as in `overlap.py`. A pose in which no closed form holds has the distance NaN.
 """
@@ -12,7 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array
-from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Shape, Sphere
+from touchstone.scenarios.extents import extents
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Hull,
+    RoundedBox,
+    RoundedHull,
+    Shape,
+    Sphere,
+)
 
 LEVEL = 1e-9
 """Difference in height of points of a shape that are equally low [m]: a tenth of the oracle's tolerance."""
@@ -52,6 +66,12 @@ class Answers:
 def closed_distance(one: Placed, two: Placed) -> Answers | None:
     """Answers of all poses; None if there is no closed form for these two shapes."""
     match one.shape, two.shape:
+        case HalfSpace(), HalfSpace():
+            return None
+        case HalfSpace(), _:
+            return _over_plane(one, two)
+        case _, HalfSpace():
+            return _over_plane(two, one).reversed()
         case Sphere(), Sphere():
             return _spheres(one, two)
         case Box(), Sphere():
@@ -104,6 +124,20 @@ def _box_sphere(box: Placed, ball: Placed) -> Answers:
     return Answers(distance, *_in_world(box, normal, middle))
 
 
+def _over_plane(plane: Placed, other: Placed) -> Answers:
+    """Height of a shape's lowest point over a plane: no other way out of a half-space is shorter."""
+    turned = plane.turned.swapaxes(1, 2) @ other.turned
+    each = np.arange(len(turned))
+    lowest = _in_axes(plane, other.origin) + _lowest(
+        other.shape, turned, np.full(len(each), 2), np.ones(len(each))
+    )
+    normal = np.zeros_like(lowest)
+    normal[:, 2] = 1.0
+    distance = lowest[:, 2].copy()
+    lowest[:, 2] /= 2
+    return Answers(distance, *_in_world(plane, normal, lowest))
+
+
 def _over_face(box: Placed, other: Placed) -> Answers:
     """Distance along the normal of a box's face, where the other shape's lowest point shows that no other
     way is shorter.
@@ -115,7 +149,7 @@ def _over_face(box: Placed, other: Placed) -> Answers:
     half = np.array(box.shape.half_extents)
     turned = box.turned.swapaxes(1, 2) @ other.turned
     center = _in_axes(box, other.origin)
-    low, high = _extent(other.shape, turned)
+    low, high = extents(other.shape, turned)
     above, below = center + low - half, -center - high - half
     gap = np.maximum(above, below)
     axis = gap.argmax(axis=1)
@@ -131,42 +165,32 @@ def _over_face(box: Placed, other: Placed) -> Answers:
     return Answers(distance, *_in_world(box, normal, lowest - distance[:, None] / 2 * normal))
 
 
-def _extent(shape: Shape, turned: Array) -> tuple[Array, Array]:
-    """Lowest and highest coordinates (n, 3) [m] of a shape that is turned by (n, 3, 3)."""
-    match shape:
-        case Box(half):
-            reach = np.abs(turned) @ np.array(half)
-        case Capsule(radius, half_length):
-            reach = np.abs(turned[:, :, 2]) * half_length + radius
-        case Cylinder(radius, half_length):
-            across = np.hypot(turned[:, :, 0], turned[:, :, 1])
-            reach = np.abs(turned[:, :, 2]) * half_length + across * radius
-        case Ellipsoid(axes):
-            reach = np.sqrt(np.square(turned) @ np.square(axes))
-        case Hull(vertices):
-            points = turned @ np.array(vertices).T
-            return points.min(axis=2), points.max(axis=2)
-        case _:
-            raise TypeError(f"no extent of {type(shape).__name__}")
-    return -reach, reach
-
-
 def _lowest(shape: Shape, turned: Array, axis: NDArray[np.int64], sign: Array) -> Array:
     """The lowest point (n, 3) along `axis` times `sign`; the middle of an edge or a face that is lowest."""
     up = sign[:, None] * turned[np.arange(len(axis)), axis]
     match shape:
+        case RoundedBox() | RoundedHull():
+            core = Box(shape.half_extents) if isinstance(shape, RoundedBox) else Hull(shape.vertices)
+            return _lowest(core, turned, axis, sign) - shape.radius * np.einsum("nij,nj->ni", turned, up)
         case Box(half):
             own = -_levelled(up * np.array(half))
             own = np.sign(own) * np.array(half)
+        case Sphere(radius):
+            own = -radius * up
         case Capsule(radius, half_length):
             own = -radius * up
             own[:, 2] -= half_length * np.sign(_levelled(up[:, 2] * half_length))
         case Cylinder(radius, half_length):
-            own = np.empty_like(up)
-            across = np.hypot(up[:, 0], up[:, 1])
-            rim = np.where(_levelled(across * radius) > 0, radius / np.where(across > 0, across, 1.0), 0.0)
-            own[:, :2] = -up[:, :2] * rim[:, None]
+            own = _rim(radius, up)
             own[:, 2] = -half_length * np.sign(_levelled(up[:, 2] * half_length))
+        case Cone(radius, half_length):
+            own = _rim(radius, up)
+            own[:, 2] = -half_length
+            # the middle between rim and apex of a cone on its side
+            rim, apex = np.einsum("ni,ni->n", up, own), half_length * up[:, 2]
+            share = (1 - np.sign(_levelled(apex - rim))) / 2
+            own = (1 - share)[:, None] * own
+            own[:, 2] += share * half_length
         case Ellipsoid(axes):
             squares = np.square(axes)
             own = -up * squares / np.sqrt(np.square(up) @ squares)[:, None]
@@ -178,6 +202,14 @@ def _lowest(shape: Shape, turned: Array, axis: NDArray[np.int64], sign: Array) -
         case _:
             raise TypeError(f"no lowest point of {type(shape).__name__}")
     return np.einsum("nij,nj->ni", turned, own)
+
+
+def _rim(radius: float, up: Array) -> Array:
+    """Lowest point (n, 3) of a disc of a radius [m] about z along directions `up`; its centre if it is
+    level."""
+    across = np.hypot(up[:, 0], up[:, 1])
+    rim = np.where(_levelled(across * radius) > 0, radius / np.where(across > 0, across, 1.0), 0.0)
+    return np.column_stack((-up[:, :2] * rim[:, None], np.zeros(len(up))))
 
 
 def _levelled(heights: Array) -> Array:

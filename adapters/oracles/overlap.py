@@ -20,7 +20,22 @@ from touchstone.adapters.contract import AdapterError, Array
 from touchstone.adapters.oracles.closed_distance import Answers, Placed, at, closed_distance
 from touchstone.adapters.oracles.near_pairs import blocks, near_pairs
 from touchstone.adapters.recording import Recording
-from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Scenario, Shape, Sphere
+from touchstone.scenarios.scenario import (
+    HALF_SPACE_REACH,
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Hull,
+    RoundedBox,
+    RoundedHull,
+    Scenario,
+    Shape,
+    Sphere,
+)
+from touchstone.scenarios.solids import core_vertices
 
 Pose = tuple[Array, Array]
 """Rotation matrix (3, 3) and position (3,)."""
@@ -38,6 +53,7 @@ DOUBTFUL = 1e-4
 """Depth above which a pair is queried in both orders [m]: exact engines rarely overlap by as much."""
 UNPROVEN = 1e-7
 """Excess of a distance over the gap along its normal above which it is wrong [m]: a tenth of a micrometre."""
+RIMMED = (coal.Cylinder, coal.Cone)
 ITERATIONS = 1000
 """coal's iteration caps: high enough that queries end by tolerance only."""
 
@@ -164,8 +180,9 @@ def signed_distance(
     coal's EPA may end at a face of the difference that is not the nearest. Each face bounds the depth from
     above, so deep overlaps are queried in both orders and the shallower result is returned. Of nearly
     touching pieces EPA may end at the opposite face, which a query with a finer tolerance corrects, or fail,
-    which one with a coarser tolerance corrects. Of cylinders that nearly touch it may return a distance that
-    the pieces do not have along its normal: of all queries, the largest gap along a normal is then returned.
+    which one with a coarser tolerance corrects. Of cylinders and cones that nearly touch it may return a
+    distance that the pieces do not have along its normal: of all queries, the largest gap along a normal is
+    then returned.
     """
     value, normal, middle = _asked(shape_a, pose_a, shape_b, pose_b, TOLERANCE)
     for least, tolerance in (
@@ -178,7 +195,7 @@ def signed_distance(
         other, reverse, place = _asked(shape_b, pose_b, shape_a, pose_a, tolerance)
         if other > value:
             value, normal, middle = other, -reverse, place
-    if not (isinstance(shape_a, coal.Cylinder) or isinstance(shape_b, coal.Cylinder)):
+    if not (isinstance(shape_a, RIMMED) or isinstance(shape_b, RIMMED)):
         return value, normal, middle
     gap = _gap_along(shape_a, pose_a, shape_b, pose_b, normal)
     if value - gap <= UNPROVEN:
@@ -205,6 +222,9 @@ def _reach(shape: Any, way: Array) -> float:
     """Support value of a coal shape along a unit vector of its frame [m]."""
     if isinstance(shape, coal.Cylinder):
         return float(shape.radius * np.hypot(way[0], way[1]) + shape.halfLength * abs(way[2]))
+    if isinstance(shape, coal.Cone):
+        rim = shape.radius * np.hypot(way[0], way[1]) - shape.halfLength * way[2]
+        return float(max(shape.halfLength * way[2], rim))
     if isinstance(shape, coal.Capsule):
         return float(shape.radius + shape.halfLength * abs(way[2]))
     if isinstance(shape, coal.Box):
@@ -247,12 +267,21 @@ def coal_shape(shape: Shape) -> object:
             return coal.Capsule(radius, 2 * half_length)
         case Cylinder(radius, half_length):
             return coal.Cylinder(radius, 2 * half_length)
+        case Cone(radius, half_length):
+            return coal.Cone(radius, 2 * half_length)
+        case HalfSpace():
+            return coal.Halfspace(np.array((0.0, 0.0, 1.0)), 0.0)
         case Ellipsoid(half_axes):
             return coal.Ellipsoid(*half_axes)
         case Hull(vertices):
             points = coal.StdVec_Vec3s()
             points.extend([np.array(vertex) for vertex in vertices])
             return coal.Convex.convexHull(points, True, None)
+        case RoundedBox() | RoundedHull():
+            core = Box(shape.half_extents) if isinstance(shape, RoundedBox) else Hull(shape.vertices)
+            found: Any = coal_shape(core)
+            found.setSweptSphereRadius(shape.radius)
+            return found
     raise AdapterError(f"the overlap oracle knows no shape {type(shape).__name__}")
 
 
@@ -265,8 +294,13 @@ def _half_sides(shape: Shape) -> tuple[float, float, float]:
             return half
         case Capsule(radius, half_length):
             return radius, radius, half_length + radius
-        case Cylinder(radius, half_length):
+        case Cylinder(radius, half_length) | Cone(radius, half_length):
             return radius, radius, half_length
+        case RoundedBox() | RoundedHull():
+            x, y, z = (np.abs(core_vertices(shape)).max(axis=0) + shape.radius).tolist()
+            return x, y, z
+        case HalfSpace():
+            return (HALF_SPACE_REACH,) * 3
         case Ellipsoid(half):
             return half
         case Hull(vertices):

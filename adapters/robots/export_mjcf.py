@@ -1,7 +1,7 @@
 """A scene as MJCF, for MuJoCo's own viewer: bodies, hinges, servos and friction; all numbers with all digits.
 
 MuJoCo takes no restitution, and one friction per geom: the larger of two holds. Trackers become a keyframe of
-the start posture and position servos. Meshes are inside the file.
+the start posture and position servos. Meshes are inside the file; cones and rounded shapes are meshes.
 """
 
 from __future__ import annotations
@@ -16,16 +16,21 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Joint,
     Piece,
     Quaternion,
+    RoundedBox,
+    RoundedHull,
     Scenario,
     Sphere,
     Vector,
 )
+from touchstone.scenarios.solids import pyramid, shown_piece
 
 
 def mjcf(scenario: Scenario) -> str:
@@ -96,6 +101,8 @@ class _Writer:
         given |= {"pos": numbers(piece.position), "quat": numbers(piece.orientation)}
         motion = (*piece.surface_velocity, *piece.surface_angular_velocity)
         given |= {"surfacevel": numbers(motion)} if any(motion) else {}
+        if isinstance(piece.shape, RoundedBox | RoundedHull):
+            piece = shown_piece(piece)
         match piece.shape:
             case Sphere(radius):
                 given |= {"type": "sphere", "size": numbers([radius])}
@@ -107,7 +114,10 @@ class _Writer:
                 given |= {"type": "cylinder", "size": numbers((radius, half_length))}
             case Ellipsoid(half):
                 given |= {"type": "ellipsoid", "size": numbers(half)}
-            case Hull(vertices):
+            case HalfSpace():
+                given |= {"type": "plane", "size": "0 0 1"}
+            case Hull() | Cone():
+                vertices = piece.shape.vertices if isinstance(piece.shape, Hull) else pyramid(piece.shape)
                 given |= {"type": "mesh", "mesh": given["name"]}
                 corners = numbers(np.ravel(vertices).tolist())
                 ET.SubElement(self._assets, "mesh", name=given["name"], vertex=corners, inertia="convex")

@@ -1,8 +1,8 @@
 """The bodies of a scene as URDF, a file for each tree of links: URDF knows one robot and no surroundings.
 
-URDF has no ellipsoids, capsules or hulls: an ellipsoid becomes a mesh, a capsule a cylinder and two spheres,
-a hull a mesh with its own corners. Friction, restitution and moving surfaces have no standard element and are
-left out.
+URDF has no ellipsoids, cones, capsules, hulls, rounded shapes or half-spaces: a capsule becomes a cylinder
+and two spheres, a hull a mesh with its own corners, a half-space a slab, the others meshes. Friction,
+restitution and moving surfaces have no standard element and are left out.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
     Hull,
@@ -28,7 +29,7 @@ from touchstone.scenarios.scenario import (
     Sphere,
     Vector,
 )
-from touchstone.scenarios.solids import elliptic_hull
+from touchstone.scenarios.solids import elliptic_hull, pyramid, shown_piece
 
 UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 """Characters that file names do without."""
@@ -96,6 +97,7 @@ def _add_shape(link: ET.Element, kind: str, body: Body, piece: Piece, files: dic
     """Geometry of a piece: one element, or three of a capsule."""
     turn = Rotation.from_quat(piece.orientation, scalar_first=True)
     parts: list[tuple[Vector, str, dict[str, str]]] = []
+    piece = shown_piece(piece)
     match piece.shape:
         case Sphere(radius):
             parts = [((0.0, 0.0, 0.0), "sphere", {"radius": numbers([radius])})]
@@ -108,8 +110,8 @@ def _add_shape(link: ET.Element, kind: str, body: Body, piece: Piece, files: dic
         case Cylinder(radius, half_length):
             given = {"radius": numbers([radius]), "length": numbers([2 * half_length])}
             parts = [((0.0, 0.0, 0.0), "cylinder", given)]
-        case Hull() | Ellipsoid():
-            corners = piece.shape.vertices if isinstance(piece.shape, Hull) else _corners(piece.shape)
+        case Hull() | Ellipsoid() | Cone():
+            corners = _corners(piece.shape)
             name = f"{_safe(body.name)}.{_safe(piece.name)}.obj"
             files[name] = obj_text(corners)
             parts = [((0.0, 0.0, 0.0), "mesh", {"filename": name})]
@@ -120,5 +122,11 @@ def _add_shape(link: ET.Element, kind: str, body: Body, piece: Piece, files: dic
         ET.SubElement(ET.SubElement(own, "geometry"), shape, given)
 
 
-def _corners(ellipsoid: Ellipsoid) -> tuple[Vector, ...]:
-    return elliptic_hull(ellipsoid.half_axes)
+def _corners(shape: Hull | Ellipsoid | Cone) -> tuple[Vector, ...]:
+    match shape:
+        case Hull(vertices):
+            return vertices
+        case Ellipsoid(half_axes):
+            return elliptic_hull(half_axes)
+        case Cone():
+            return pyramid(shape)

@@ -87,7 +87,7 @@ def _end_geometry(world, a, b, pair, out_found):
                     place_piece(two if side else one, body, world.vertices, 0.0)
             return _nearest_pieces(world, a, b, pair, out_found)
     n, flat_a, flat_b = vector_of(pair["start_normal"]), pair["flat_a"], pair["flat_b"]
-    r_a, r_b = core_radius(one, n), core_radius(two, n)
+    r_a, r_b = core_radius(one, pair["point_a"], n), core_radius(two, pair["point_b"], n)
     p = _in_body(a, plus(vector_of(pair["point_a"]), -r_a, n), 1.0)
     q = _in_body(b, plus(vector_of(pair["point_b"]), r_b, n), 1.0)
     n_a, n_b = _in_body(a, n, 0.0), _in_body(b, n, 0.0)

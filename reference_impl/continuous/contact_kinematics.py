@@ -1,9 +1,9 @@
 """Contact kinematics (Montana 1988): how a contact point and its normal n move with the two surfaces.
 
 The point of a surface whose outward normal is n is x(n), and H = dx/dn has the radii of curvature: 0 at a
-corner, r I on a sphere, r / sin(a) around the rim and the side of a cylinder, where a is the angle between n
-and its axis. On B the outward normal is -n. With u the velocity of B relative to A, both points stay at a
-distance s along n if
+corner, r I on a sphere, r / sin(a) around the rim and the side of a cylinder or a cone, where a is the angle
+between n and its axis and r the distance from it. On B the outward normal is -n. With u the velocity of B
+relative to A, both points stay at a distance s along n if
 
     (H_A + H_B + s) n' = u + H_A (w_A x n) + H_B (w_B x n)          (tangential parts)
 
@@ -15,17 +15,16 @@ All vectors are in the world frame, as tuples; rates are in 1/s.
 from math import sqrt
 
 from touchstone.reference_impl.core.conventions import (
-    BOX,
+    CONE,
     CYLINDER,
     ELLIPSOID,
-    HULL,
     MANIFOLD_HEIGHT,
     SIMULATED,
     SPHERE,
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import column, cross, dot, plus, times, vector_of
-from touchstone.reference_impl.geometry.shapes import axis_of
+from touchstone.reference_impl.geometry.shapes import axis_of, has_rim
 
 LEAST_CROSSING = 1e-3
 """Squared sine of the angle between two edges below which they count as parallel: where they cross moves too
@@ -65,10 +64,10 @@ def contact_rates(bodies, pieces, pair):
     flat_a, flat_b = pair["flat_a"], pair["flat_b"]
     to_a, to_b = _height(pair["point_a"], pair["point"], n), _height(pair["point_b"], pair["point"], n)
     if flat_a == 2:
-        x = plus(v_b, -1.0, _bend(two, n, plus(turn_a, -1.0, turn_b)))
+        x = plus(v_b, -1.0, _bend(two, pair["point_b"], n, plus(turn_a, -1.0, turn_b)))
         return True, turn_a, plus(x, -to_b, turn_a)
     if flat_b == 2:
-        x = plus(v_a, 1.0, _bend(one, n, plus(turn_b, -1.0, turn_a)))
+        x = plus(v_a, 1.0, _bend(one, pair["point_a"], n, plus(turn_b, -1.0, turn_a)))
         return True, turn_b, plus(x, -to_a, turn_b)
     e, f = vector_of(pair["edge_a"]), vector_of(pair["edge_b"])
     apart = max(0.0, to_b - to_a)
@@ -80,25 +79,35 @@ def contact_rates(bodies, pieces, pair):
         rate = plus(times((along_a - cos * along_b) / sin2, e), (along_b - cos * along_a) / sin2, f)
     else:
         u = plus(v_b, -1.0, v_a)
-        pull = plus(plus(u, 1.0, _bend(one, n, turn_a)), 1.0, _bend(two, n, turn_b))
+        pull = plus(
+            plus(u, 1.0, _bend(one, pair["point_a"], n, turn_a)), 1.0, _bend(two, pair["point_b"], n, turn_b)
+        )
         t = e if flat_a == 1 else (f if flat_b == 1 else _tangent(n))
         s = cross(n, t)
-        across = plus(plus(times(apart, s), 1.0, _bend(one, n, s)), 1.0, _bend(two, n, s))
+        across = plus(
+            plus(times(apart, s), 1.0, _bend(one, pair["point_a"], n, s)),
+            1.0,
+            _bend(two, pair["point_b"], n, s),
+        )
         st, ss, pull_s = dot(across, t), dot(across, s), dot(pull, s)
         if flat_a + flat_b > 0:
             if ss <= LEAST_RADIUS:
                 return False, n, n
             along = dot(turn_a if flat_a == 1 else turn_b, t)
         else:
-            own = plus(plus(times(apart, t), 1.0, _bend(one, n, t)), 1.0, _bend(two, n, t))
+            own = plus(
+                plus(times(apart, t), 1.0, _bend(one, pair["point_a"], n, t)),
+                1.0,
+                _bend(two, pair["point_b"], n, t),
+            )
             tt = dot(own, t)
             least = tt * ss - st * st
             if least <= LEAST_RADIUS * (tt + ss):
                 return False, n, n
             along = (dot(pull, t) * ss - pull_s * st) / least
         rate = plus(times(along, t), (pull_s - along * st) / ss, s)
-    x_a = plus(v_a, 1.0, _bend(one, n, plus(rate, -1.0, turn_a)))
-    x_b = plus(v_b, -1.0, _bend(two, n, plus(rate, -1.0, turn_b)))
+    x_a = plus(v_a, 1.0, _bend(one, pair["point_a"], n, plus(rate, -1.0, turn_a)))
+    x_b = plus(v_b, -1.0, _bend(two, pair["point_b"], n, plus(rate, -1.0, turn_b)))
     if crossing:
         # the points move along their edges too, so that they stay opposite to each other
         way = plus(plus(x_b, -1.0, x_a), -apart, rate)
@@ -116,7 +125,7 @@ def contact_rates(bodies, pieces, pair):
 def fastest_turn(bodies, pieces, pair, rate):
     """Speed at which a pair's normal turns at the rate n', or a body turns its round surface, if that is
     faster [rad/s]. A ball turns only where its centre does, about the centre of mass; a contact runs around a
-    cylinder's rim."""
+    rim."""
     most, n = dot(rate, rate), vector_of(pair["start_normal"])
     for side in range(2):
         body = bodies[pair["body_b"] if side else pair["body_a"]]
@@ -126,7 +135,7 @@ def fastest_turn(bodies, pieces, pair, rate):
             arm = plus(vector_of(piece["world_position"]), -1.0, vector_of(body["center"]))
             size = dot(arm, arm)
             w = times(1 / sqrt(size) if size > 0 else 0.0, cross(w, arm))
-        elif piece["kind"] == CYLINDER and not _shows_cap(piece, n):
+        elif has_rim(piece) and not _shows_cap(piece, n):
             t = _around(piece, n)
             runs = dot(t, plus(rate, -1.0, cross(w, n))) / dot(t, t)
             most = max(most, runs * runs)
@@ -137,28 +146,43 @@ def fastest_turn(bodies, pieces, pair, rate):
 @kernel
 def is_round(piece):
     """Whether a piece has a curved surface."""
-    return piece["kind"] != BOX and piece["kind"] != HULL
+    return piece["radius"] > 0 or piece["kind"] == ELLIPSOID or has_rim(piece)
 
 
 @kernel
-def core_radius(piece, n):
-    """Distance along the normal n between the surface of a piece that touches in several points and a line or
-    point that the normal leads to: the axis of a cylinder on its side; 0 of its cap [m]."""
+def core_radius(piece, point, n):
+    """Distance along the normal n between a point on the surface of a piece that touches in several points
+    and a line or point that the normal leads to: the axis of a cylinder or a cone on its side; 0 of its cap
+    [m]."""
     if piece["kind"] == CYLINDER:
         return 0.0 if _shows_cap(piece, n) else piece["size"][0]
+    if piece["kind"] == CONE:
+        t = _around(piece, n)
+        return 0.0 if _shows_cap(piece, n) else _rim_radius(piece, point) / sqrt(dot(t, t))
     return piece["radius"]
 
 
 @kernel
+def _rim_radius(piece, point):
+    """Radius of the circle about the axis of a cylinder or a cone on which its surface touches at a point
+    [m]."""
+    if piece["kind"] == CYLINDER:
+        return piece["size"][0]
+    arm = plus(vector_of(point), -1.0, vector_of(piece["world_position"]))
+    across = cross(axis_of(piece), arm)
+    return sqrt(dot(across, across))
+
+
+@kernel
 def _around(piece, n):
-    """Tangent of a cylinder's rim at its point with the normal n, as long as the sine of the angle between n
-    and the axis."""
+    """Tangent of a rim at its point with the normal n, as long as the sine of the angle between n and the
+    axis."""
     return cross(axis_of(piece), n)
 
 
 @kernel
 def _shows_cap(piece, n):
-    """Whether the normal n is that of a cylinder's cap: its rim lies in a plane across n."""
+    """Whether the normal n is that of a cap: its rim lies in a plane across n."""
     t = _around(piece, n)
     return 2 * piece["size"][0] * sqrt(dot(t, t)) <= MANIFOLD_HEIGHT
 
@@ -171,14 +195,15 @@ def is_central(body, piece):
 
 
 @kernel
-def _bend(piece, n, v):
-    """H v of a piece's surface: velocity of its point as the normal n turns at the tangential rate v."""
-    if piece["kind"] == CYLINDER:
+def _bend(piece, point, n, v):
+    """H v of a piece's surface at a point: velocity of its point as the normal n turns at the tangential rate
+    v."""
+    if has_rim(piece):
         if _shows_cap(piece, n):
             return 0.0, 0.0, 0.0
         t = _around(piece, n)
         square = dot(t, t)
-        return times(piece["size"][0] * dot(t, v) / (square * sqrt(square)), t)
+        return times(_rim_radius(piece, point) * dot(t, v) / (square * sqrt(square)), t)
     if piece["kind"] != ELLIPSOID:
         return times(piece["radius"], v)
     # x(n) = S^2 n / |S n|, with S the half axes

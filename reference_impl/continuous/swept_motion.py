@@ -11,14 +11,13 @@ from touchstone.reference_impl.continuous.free_rotation import free_omega, rotat
 from touchstone.reference_impl.core.conventions import (
     BOX,
     CAPSULE,
-    CYLINDER,
     ELLIPSOID,
     HULL,
     KEEPS_NOTHING,
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import matrix_of, rotate, rotation_between, turn
-from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.geometry.shapes import has_rim, place_piece
 
 
 @kernel
@@ -240,18 +239,18 @@ def lever_of(body, piece, vertices):
 @kernel
 def _farthest(body, piece, vertices, u, v, w):
     """Largest distance [m] of a piece's core from the unit axis (u, v, w) through its body's centre of mass,
-    body frame, or from the centre if the axis is zero. Bounds an ellipsoid by a sphere, a cylinder by balls
-    around its caps."""
+    body frame, or from the centre if the axis is zero. Bounds an ellipsoid by a sphere, a cylinder and a cone
+    by balls around a cylinder's caps."""
     kind, size, rotation = piece["kind"], piece["size"], piece["rotation"]
     cx = piece["position"][0] - body["center_of_mass"][0]
     cy = piece["position"][1] - body["center_of_mass"][1]
     cz = piece["position"][2] - body["center_of_mass"][2]
-    if kind != HULL and kind != BOX and kind != CAPSULE and kind != CYLINDER:
+    if kind != HULL and kind != BOX and kind != CAPSULE and not has_rim(piece):
         along = u * cx + v * cy + w * cz
         off = sqrt((cx - along * u) ** 2 + (cy - along * v) ** 2 + (cz - along * w) ** 2)
         return off + max(size[0], size[1], size[2]) if kind == ELLIPSOID else off
     # the caps of a cylinder are those of a segment, enlarged
-    cap = size[0] if kind == CYLINDER else 0.0
+    cap = size[0] if has_rim(piece) else 0.0
     most = 0.0
     for k in range(piece["vertex_count"] if kind == HULL else 8):
         if kind != HULL:

@@ -37,6 +37,7 @@ from touchstone.reference_impl.core.conventions import SHARPENING_SHIFT
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.geometry.gjk import add_support, enter_frame
+from touchstone.reference_impl.geometry.plane_distance import has_plane, plane_gap
 from touchstone.reference_impl.geometry.shapes import place_piece
 
 TIME_OF_IMPACT_STEPS = 500
@@ -154,6 +155,8 @@ def _place(body, piece, vertices, s):
 @kernel
 def gap_along(piece_a, piece_b, vertices, x, y, z, state):
     """Gap [m] of two placed pieces along a unit vector from A to B: a lower bound on their distance."""
+    if has_plane(piece_a, piece_b):
+        return plane_gap(piece_a, piece_b, vertices, x, y, z)
     enter_frame(piece_a, piece_b, state)
     m = piece_b["world_rotation"]
     u = m[0, 0] * x + m[1, 0] * y + m[2, 0] * z

@@ -6,7 +6,7 @@ A to B. Signed distance is negative in overlap; depth = max(0, -distance). Impul
 
 FIXED, SIMULATED, DRIVEN = 0, 1, 2
 """Kinds of body."""
-SPHERE, BOX, ELLIPSOID, HULL, CAPSULE, CYLINDER = 0, 1, 2, 3, 4, 5
+SPHERE, BOX, ELLIPSOID, HULL, CAPSULE, CYLINDER, CONE, HALF_SPACE = 0, 1, 2, 3, 4, 5, 6, 7
 """Kinds of convex piece."""
 DETECTION_DISCRETE, DETECTION_FAST, DETECTION_SWEEP = 0, 1, 2
 """Overlap tests at the end of a substep; time of impact too for pairs that move farther than both are thick;
@@ -84,6 +84,8 @@ FACE_CORNERS = 512
 MANIFOLD_HEIGHT = 4e-6
 """Height over the support plane below which a vertex belongs to the touching feature, and least extent of a
 manifold [m]: some TOUCH_DISTANCE, because a slightly tilted face still touches at its far end."""
+HALF_SPACE_REACH = 1e9
+"""Distance from its origin at which the bounding box of a half-space ends [m]: beyond any scene."""
 MERGED_NOT, MERGED_A, MERGED_B = 0, 1, 2
 """Body of which several pieces share a manifold."""
 EVENT_CAP = 192

@@ -1,8 +1,8 @@
 """Contact manifold of two polyhedra: up to four points where a face touches a face, an edge or a corner.
 
-The side of a capsule or a cylinder counts as an edge, a capsule's end and a point of a cylinder's rim as a
-corner, and a cylinder's cap as a face: a disc, which is clipped exactly. Two sides along each other touch in
-two points.
+The side of a capsule, a cylinder or a cone counts as an edge, a capsule's end, a point of a rim and a cone's
+apex as a corner, and a cap as a face: a disc, which is clipped exactly. Two sides of capsules or cylinders
+along each other touch in two points. A half-space is a face larger than any other.
 
 The manifold of polyhedra is computed in the contact frame `state["mobility"]` (rows are its axes in the
 world): origin at A's witness, z along the normal of `convex_depth`, so A lies below and B above. The plane of
@@ -14,8 +14,10 @@ from math import sqrt
 from touchstone.reference_impl.core.conventions import (
     BOX,
     CAPSULE,
-    CYLINDER,
+    CONE,
     FACE_CORNERS,
+    HALF_SPACE,
+    HALF_SPACE_REACH,
     HULL,
     MANIFOLD_HEIGHT,
     MERGED_A,
@@ -35,7 +37,7 @@ from touchstone.reference_impl.geometry.contact_patch import (
     take_deepest,
     without_merged,
 )
-from touchstone.reference_impl.geometry.shapes import axis_of
+from touchstone.reference_impl.geometry.shapes import axis_of, has_rim
 
 DENSE_HEIGHT = 2e-5
 """The same height in a dense substep and where separation moves bodies together, and the largest gap of
@@ -89,7 +91,7 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
         if shared:
             count = _add_patch(pieces, vertices, pairs, k, touching, count, wide, state)
         count = _keep_four(state["lower"], count)
-        if count < 2 and (a["kind"] == CYLINDER or b["kind"] == CYLINDER):
+        if count < 2 and (has_rim(a) or has_rim(b)):
             # a contact in one point moves along the curved surface
             pair["manifold"] = -1
             if count == 0:
@@ -234,9 +236,11 @@ def _flatness(piece, vertices, sign, pair, state, out_edge):
     """Dimensions in which the touching feature of a piece extends, along sign * n: 2 of a face, 1 of an edge
     or a side, whose direction it writes, 0 of a corner or a curved surface."""
     m, n = piece["world_rotation"], pair["normal"]
+    if piece["kind"] == HALF_SPACE or _cap_of(piece, sign, pair["point_a"], state["mobility"], 0.0)[0] > 0:
+        return 2
+    if piece["kind"] == CONE:
+        return _generator(piece, sign, vector_of(n), out_edge)
     if has_side(piece):
-        if _cap_of(piece, sign, pair["point_a"], state["mobility"], 0.0)[0] > 0:
-            return 2
         if abs(m[0, 2] * n[0] + m[1, 2] * n[1] + m[2, 2] * n[2]) > LEAST_SLOPE:
             return 0
         for i in range(3):
@@ -252,6 +256,22 @@ def _flatness(piece, vertices, sign, pair, state, out_edge):
     if count < 2:
         return 0
     _write_edge(points, state["mobility"], out_edge)
+    return 1
+
+
+@kernel
+def _generator(piece, sign, n, out_edge):
+    """Write the direction of the straight line of a cone's side along sign * n; returns 1, or 0 if that
+    normal belongs to no such line."""
+    size, axis = piece["size"], axis_of(piece)
+    along = sign * dot(axis, n)
+    out = plus(times(sign, n), -along, axis)
+    across = sqrt(dot(out, out))
+    slant = sqrt(size[0] * size[0] + 4 * size[2] * size[2])
+    if across == 0 or abs(size[0] * across - 2 * size[2] * along) > LEAST_SLOPE * slant:
+        return 0
+    line = plus(times(2 * size[2] / slant, axis), -size[0] / (slant * across), out)
+    out_edge[0], out_edge[1], out_edge[2] = line
     return 1
 
 
@@ -291,22 +311,39 @@ def _frame(n, out_frame):
 
 @kernel
 def _feature_of(piece, vertices, sign, origin, state, depth, out_points):
-    """`_round_feature` of a cylinder, `_feature` of other pieces; returns the number of points."""
-    if piece["kind"] == CYLINDER:
+    """`_round_feature` of a cylinder or a cone, `_square` of a half-space, `_feature` of others; returns
+    the number of points."""
+    if has_rim(piece):
         return _round_feature(piece, sign, origin, state, depth, out_points)
+    if piece["kind"] == HALF_SPACE:
+        return _square(piece, origin, state["mobility"], out_points)
     return _feature(piece, vertices, sign, origin, state["mobility"], depth, out_points)
 
 
 @kernel
+def _square(piece, origin, frame, out_points):
+    """Write the corners of a square about the origin of the contact frame in the plane of a half-space."""
+    x, y, z = _in_frame(frame, axis_of(piece))
+    p, q, r = _in_frame(frame, plus(vector_of(piece["world_position"]), -1.0, vector_of(origin)))
+    for k in range(4):
+        out_points[k, 0] = HALF_SPACE_REACH if k & 1 else -HALF_SPACE_REACH
+        out_points[k, 1] = HALF_SPACE_REACH if k & 2 else -HALF_SPACE_REACH
+        out_points[k, 2] = r + (x * (p - out_points[k, 0]) + y * (q - out_points[k, 1])) / z
+    return 4
+
+
+@kernel
 def _cap_of(piece, sign, origin, frame, depth):
-    """Cap of a cylinder whose rim lies within `depth` of its support plane along sign * z.
+    """Cap of a cylinder or a cone whose rim lies within `depth` of its support plane along sign * z.
 
     Returns:
         (radius, x, y, z): that of the cap and its centre in the contact frame [m]; radius 0 if there is none.
     """
-    if piece["kind"] != CYLINDER:
+    if not has_rim(piece):
         return 0.0, 0.0, 0.0, 0.0
     x, y, z = _in_frame(frame, axis_of(piece))
+    if piece["kind"] == CONE and sign * z >= 0:
+        return 0.0, 0.0, 0.0, 0.0
     radius, end = piece["size"][0], piece["size"][2] if sign * z >= 0 else -piece["size"][2]
     if 2 * radius * sqrt(x * x + y * y) > max(depth, RIM_SLACK):
         return 0.0, 0.0, 0.0, 0.0
@@ -316,8 +353,8 @@ def _cap_of(piece, sign, origin, frame, depth):
 
 @kernel
 def _round_feature(piece, sign, origin, state, depth, out_points):
-    """Write the touching feature of a cylinder along sign * z: four points of its cap's rim, the two ends of
-    its side's lowest line, or the lowest point of a rim; returns their number.
+    """Write the touching feature of a cylinder or a cone along sign * z: four points of a cap's rim, the two
+    ends of its side's lowest line, the lowest point of a rim, or a cone's apex; returns their number.
 
     One of the four points is the lowest or, on a level cap, the one towards which gravity pulls.
     """
@@ -343,7 +380,26 @@ def _round_feature(piece, sign, origin, state, depth, out_points):
             out_points[k, 2] = cz + s * e[2] + t * f[2]
         return 4
     # the lowest line of the side, or its lower end
-    scale = sign * size[0] / sqrt(x * x + y * y)
+    across = sqrt(x * x + y * y)
+    rise = 2 * size[2] * sign * z - size[0] * across
+    if piece["kind"] == CONE and rise > depth:
+        out_points[0, 0], out_points[0, 1], out_points[0, 2] = (
+            p + size[2] * x,
+            q + size[2] * y,
+            r + size[2] * z,
+        )
+        return 1
+    scale = sign * size[0] / across
+    if piece["kind"] == CONE:
+        out_points[0, 0] = p - size[2] * x - scale * z * x
+        out_points[0, 1] = q - size[2] * y - scale * z * y
+        out_points[0, 2] = r - size[2] * z + scale * (1 - z * z)
+        out_points[1, 0], out_points[1, 1], out_points[1, 2] = (
+            p + size[2] * x,
+            q + size[2] * y,
+            r + size[2] * z,
+        )
+        return 2 if rise >= -depth else 1
     p, q, r = p - scale * z * x, q - scale * z * y, r + scale * (1 - z * z)
     count = 2 if 2 * size[2] * abs(z) <= depth else 1
     end = size[2] if sign * z >= 0 else -size[2]

@@ -24,7 +24,7 @@ COPLANAR_SINE = 1e-7
 @kernel
 def has_faces(piece):
     """Whether a piece has flat faces."""
-    return piece["kind"] == BOX or piece["kind"] == HULL or piece["kind"] == CYLINDER
+    return piece["kind"] == BOX or piece["kind"] == HULL or piece["kind"] >= CYLINDER
 
 
 @kernel

@@ -24,6 +24,7 @@ from touchstone.reference_impl.geometry.gjk import (
     nearest_on_simplex,
     shift_simplex,
 )
+from touchstone.reference_impl.geometry.plane_distance import has_plane, plane_distance
 
 
 @kernel
@@ -38,6 +39,9 @@ def convex_depth(piece_a, piece_b, vertices, state, out_pair):
     """
     if have_segments(piece_a, piece_b):
         segment_distance(piece_a, piece_b, out_pair)
+        return 1, True
+    if has_plane(piece_a, piece_b):
+        plane_distance(piece_a, piece_b, vertices, out_pair)
         return 1, True
     enter_frame(piece_a, piece_b, state)
     scale, small = scale_of(piece_a, piece_b)

@@ -133,13 +133,13 @@ def triple(x, y, z, p, q):
 
 @kernel
 def _box_face(piece_a, piece_b, normal):
-    """Index of the box face perpendicular to `normal`: 1 (B) or 7 (A), + 2 axis + (1 if negative side)."""
+    """Index of a sharp box's face across `normal`: 1 (B) or 7 (A), + 2 axis + (1 if negative side)."""
     for k in range(6):
         box, turn = (piece_b, -1.0) if k < 3 else (piece_a, 1.0)
         rotation, axis = box["world_rotation"], k % 3
         along = turn * (
             rotation[0, axis] * normal[0] + rotation[1, axis] * normal[1] + rotation[2, axis] * normal[2]
         )
-        if box["kind"] == BOX and abs(along) > BOX_FACE_COSINE:
+        if box["kind"] == BOX and box["radius"] == 0 and abs(along) > BOX_FACE_COSINE:
             return 1 + 2 * k + (1 if along < 0 else 0)
     return NO_FACE

@@ -44,6 +44,7 @@ from touchstone.reference_impl.geometry.depth_cache import (
 )
 from touchstone.reference_impl.geometry.epa import deepest_face
 from touchstone.reference_impl.geometry.gjk import enter_frame, nearest_on_simplex, triangle_normal
+from touchstone.reference_impl.geometry.plane_distance import has_plane, plane_distance
 from touchstone.reference_impl.geometry.shapes import turned
 
 WARM_START_SLACK = 1e-8
@@ -87,6 +88,9 @@ def warm_started_depth(piece_a, piece_b, vertices, state, memory, out_pair):
         return 1, True, True
     if have_segments(piece_a, piece_b):
         segment_distance(piece_a, piece_b, out_pair)
+        return 1, True, True
+    if has_plane(piece_a, piece_b):
+        plane_distance(piece_a, piece_b, vertices, out_pair)
         return 1, True, True
     known, corner, iterations, converged = memory["count"], memory["corner"], 0, False
     if known > 0:

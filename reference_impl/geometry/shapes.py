@@ -1,14 +1,25 @@
 """Convex pieces: world pose, bounding box, and support function of the core.
 
 A piece is a core enlarged by `radius` (Minkowski sum with a ball). A sphere's core is a point, a capsule's a
-segment along z of half length `size[2]`. The other kinds have radius 0.
+segment along z of half length `size[2]`; boxes and hulls may be rounded. The other kinds have radius 0. A
+cone has its base of radius `size[0]` at z = -`size[2]` and its apex at `size[2]`. A half-space, below its x-y
+plane, has no support function: `plane_distance.py` measures the others over it.
 """
 
 from math import inf, sqrt
 
 import numpy as np
 
-from touchstone.reference_impl.core.conventions import BOX, CAPSULE, CYLINDER, ELLIPSOID, HULL
+from touchstone.reference_impl.core.conventions import (
+    BOX,
+    CAPSULE,
+    CONE,
+    CYLINDER,
+    ELLIPSOID,
+    HALF_SPACE,
+    HALF_SPACE_REACH,
+    HULL,
+)
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import multiply, rotate
 
@@ -32,7 +43,16 @@ def place_piece(piece, body, vertices, margin):
             bottom = vertices[corner_of_hull(piece, vertices, -x, -y, -z)]["position"]
             greatest = x * top[0] + y * top[1] + z * top[2]
             least = x * bottom[0] + y * bottom[1] + z * bottom[2]
-            low[i], high[i] = position[i] + least - margin, position[i] + greatest + margin
+            low[i] = position[i] + least - margin - piece["radius"]
+            high[i] = position[i] + greatest + margin + piece["radius"]
+        elif piece["kind"] == CONE:
+            across, apex = size[0] * sqrt(x * x + y * y), size[2] * z
+            low[i] = position[i] + min(apex, -apex - across) - margin
+            high[i] = position[i] + max(apex, across - apex) + margin
+        elif piece["kind"] == HALF_SPACE:
+            across = sqrt(x * x + y * y)
+            low[i] = position[i] - HALF_SPACE_REACH * (across + max(0.0, z)) - margin
+            high[i] = position[i] + HALF_SPACE_REACH * (across + max(0.0, -z)) + margin
         else:
             x, y, z = x * size[0], y * size[1], z * size[2]
             if piece["kind"] == BOX:
@@ -123,6 +143,12 @@ def local_support(piece, vertices, u, v, w):
         length = sqrt(u * u + v * v)
         scale = size[0] / length if length > 0 else 0.0
         return -1, u * scale, v * scale, size[2] if w >= 0 else -size[2]
+    if kind == CONE:
+        length = sqrt(u * u + v * v)
+        if 2 * size[2] * w > size[0] * length:
+            return -1, 0.0, 0.0, size[2]
+        scale = size[0] / length if length > 0 else 0.0
+        return -1, u * scale, v * scale, -size[2]
     return 0, 0.0, 0.0, 0.0
 
 
@@ -138,6 +164,12 @@ def local_corner(piece, vertices, corner):
         v = size[1] if corner & 2 else -size[1]
         return u, v, size[2] if corner & 4 else -size[2]
     return 0.0, 0.0, 0.0
+
+
+@kernel
+def has_rim(piece):
+    """Whether a piece has a rim about its z axis, as cylinders and cones do."""
+    return piece["kind"] == CYLINDER or piece["kind"] == CONE
 
 
 @kernel

@@ -149,12 +149,9 @@ def queries(amount: Amount) -> tuple[PairTruth, list[Stretch]]:
     pairs += [pair for frame in motion for pair in frame]
     names = (*FAMILIES, MOTION)
     family = np.concatenate([np.full(s.end - s.first, name) for name, s in zip(names, stretches)])
-    vertices = [(corners(a), corners(b)) for a, b in pairs]
-    found = [signed_distance(a, b) for a, b in vertices]
+    found = [signed_distance(corners(a), corners(b)) for a, b in pairs]
     distance, normal = (np.array(column) for column in zip(*found))
-    return PairTruth(
-        pairs, vertices, family, np.array([size_of(p) for p in pairs]), distance, normal
-    ), stretches
+    return PairTruth(pairs, family, np.array([size_of(p) for p in pairs]), distance, normal), stretches
 
 
 def rows_of_bench(truth: PairTruth, measured: Mapping[str, Answered]) -> list[Row]:

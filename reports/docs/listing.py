@@ -23,6 +23,7 @@ LAWS = {
     "carried": "sticks to or slides on the prescribed body, by Coulomb's law",
     "turntable": "rolls on the turning body, its centre on a circle",
     "smooth_contact": "rolls, slides and leaves, integrated to rounding",
+    "rolling_cone": "rolls on its side, integrated to rounding",
     "tipping": "tips from edge to edge, each of which takes the same share of the rate",
     "mechanism": "moves with its joints, integrated to rounding",
     "stick_slip": "sticks to the moving surface, and slips on it by its spring",

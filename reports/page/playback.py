@@ -22,7 +22,18 @@ from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import Context
-from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Piece, Scenario, Sphere
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Hull,
+    Piece,
+    Scenario,
+    Sphere,
+)
+from touchstone.scenarios.solids import shown_piece
 
 FINEST_STEP = 1e-4
 """Least step of positions [m]: a tenth of a millimetre covers 6.5 m; scenes of larger extent take more."""
@@ -95,6 +106,7 @@ def _size(played: Mapping[tuple[str, str], Context], moving: list[int]) -> float
 
 
 def _piece(piece: Piece) -> dict[str, Any]:
+    piece = shown_piece(piece)
     shown: dict[str, Any] = {"at": [*piece.position, *piece.orientation]}
     match piece.shape:
         case Sphere(radius):
@@ -107,6 +119,8 @@ def _piece(piece: Piece) -> dict[str, Any]:
             return shown | {"capsule": [radius, half_length]}
         case Cylinder(radius, half_length):
             return shown | {"cylinder": [radius, half_length]}
+        case Cone(radius, half_length):
+            return shown | {"cone": [radius, half_length]}
         case Hull(vertices):
             return shown | {"hull": _triangles(np.array(vertices))}
     raise TypeError(f"no picture of {type(piece.shape).__name__}")

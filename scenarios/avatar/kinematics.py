@@ -14,19 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.scenario import (
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Hull,
-    Joint,
-    Piece,
-    Quaternion,
-    Scenario,
-    Sphere,
-    Tracker,
-)
+from touchstone.scenarios.extents import extents
+from touchstone.scenarios.scenario import Joint, Piece, Quaternion, Scenario, Tracker
 
 Array = NDArray[np.float64]
 
@@ -120,19 +109,5 @@ def piece_box(piece: Piece, place: Array, turn: Array) -> tuple[Array, Array]:
     """Lower and upper corner (3,) [m, world] of the axis-aligned bounding box of a piece whose body has its
     origin at `place` and its axes as the columns of `turn`."""
     center, axes = place + turn @ np.array(piece.position), turn @ matrix(piece.orientation)
-    match piece.shape:
-        case Sphere(radius):
-            half = np.full(3, radius)
-        case Box(half_extents):
-            half = np.abs(axes) @ np.array(half_extents)
-        case Capsule(radius, half_length):
-            half = np.abs(axes[:, 2]) * half_length + radius
-        case Cylinder(radius, half_length):
-            axis = np.abs(axes[:, 2])
-            half = axis * half_length + radius * np.hypot(axes[:, 0], axes[:, 1])
-        case Ellipsoid(half_axes):
-            half = np.linalg.norm(axes * np.array(half_axes), axis=1)
-        case Hull(vertices):
-            corners = center + np.array(vertices) @ axes.T
-            return corners.min(axis=0), corners.max(axis=0)
-    return center - half, center + half
+    low, high = extents(piece.shape, axes[None])
+    return center + low[0], center + high[0]

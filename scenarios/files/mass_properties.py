@@ -7,15 +7,20 @@ from math import pi
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.rounded_solid import rounded_mass_properties
 from touchstone.scenarios.scenario import (
     ORIGIN,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Matrix,
     Piece,
+    RoundedBox,
+    RoundedHull,
     Shape,
     Sphere,
     Vector,
@@ -24,6 +29,8 @@ from touchstone.scenarios.scenario import (
 from touchstone.scenarios.solids import (
     box_inertia,
     capsule_inertia,
+    cone_inertia,
+    core_vertices,
     cylinder_inertia,
     ellipsoid_inertia,
     hull_mass_properties,
@@ -61,7 +68,7 @@ def uniform(pieces: tuple[Piece, ...], mass: float) -> tuple[Vector, Matrix]:
 
 
 def volume(shape: Shape) -> float:
-    """Volume of a shape [m^3]."""
+    """Volume of a shape [m^3]; 0 of a half-space, which has no mass."""
     match shape:
         case Sphere(r):
             return 4 / 3 * pi * r**3
@@ -71,10 +78,16 @@ def volume(shape: Shape) -> float:
             return pi * r * r * (2 * half_length + 4 / 3 * r)
         case Cylinder(r, half_length):
             return pi * r * r * 2 * half_length
+        case Cone(r, half_length):
+            return pi * r * r * 2 / 3 * half_length
         case Ellipsoid(half):
             return 4 / 3 * pi * half[0] * half[1] * half[2]
         case Hull(vertices):
             return hull_mass_properties(vertices, density=1.0)[0]
+        case RoundedBox() | RoundedHull():
+            return rounded_mass_properties(core_vertices(shape), shape.radius)[0]
+        case HalfSpace():
+            return 0.0
 
 
 def _solid(shape: Shape, mass: float) -> tuple[Vector, Matrix]:
@@ -88,7 +101,13 @@ def _solid(shape: Shape, mass: float) -> tuple[Vector, Matrix]:
             return ORIGIN, capsule_inertia(mass, r, half_length)
         case Cylinder(r, half_length):
             return ORIGIN, cylinder_inertia(mass, r, half_length)
+        case Cone(r, half_length):
+            return (0.0, 0.0, -half_length / 2), cone_inertia(mass, r, half_length)
         case Ellipsoid(half):
             return ORIGIN, ellipsoid_inertia(mass, half)
         case Hull(vertices):
             return hull_mass_properties(vertices, mass=mass)[1:]
+        case RoundedBox() | RoundedHull():
+            return rounded_mass_properties(core_vertices(shape), shape.radius, mass=mass)[1:]
+        case HalfSpace():
+            raise ValueError("a half-space has no mass")

@@ -17,9 +17,9 @@ from pydantic import Field as ModelField
 
 from touchstone.scenarios.files.text_lines import Path
 from touchstone.scenarios.height_field import HeightField
-from touchstone.scenarios.scenario import Body, Scenario, Shape, Tracker
+from touchstone.scenarios.scenario import Body, Scenario, Shape, Tracker, shape_name
 
-SHAPE_TYPES: dict[str, type] = {kind.__name__.lower(): kind for kind in get_args(Shape)}
+SHAPE_TYPES: dict[str, type] = {shape_name(kind): kind for kind in get_args(Shape)}
 """Names of the shapes in files."""
 KEYFRAMES = ("times", "positions", "orientations", "angles")
 """Fields of a tracker that its `file` may hold."""
@@ -77,7 +77,7 @@ def _translated(hint: Any) -> Any:
 def shape_type(shape: Any) -> str | None:
     """Name of a shape's type: its `type`, or else the type that has its fields; None if there is none."""
     if isinstance(shape, BaseModel):
-        return type(shape).__name__.lower()
+        return shape_name(type(shape))
     if not isinstance(shape, dict):
         return None
     if "type" in shape:

@@ -7,7 +7,7 @@ import re
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, get_args
 
-from touchstone.scenarios.scenario import Scenario, Shape
+from touchstone.scenarios.scenario import Scenario, Shape, shape_name
 
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 WIDTH = 100
@@ -26,7 +26,7 @@ def _plain(value: Any, complete: bool) -> Any:
     if is_dataclass(value):
         found: dict[str, Any] = {}
         if isinstance(value, get_args(Shape)):
-            found["type"] = type(value).__name__.lower()
+            found["type"] = shape_name(type(value))
         for field in fields(value):
             own = getattr(value, field.name)
             # The text of a value tells -0.0 from 0.0.

@@ -38,12 +38,14 @@ REQUESTED_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "shot": fast.shots,
     "slap": fast.slaps,
     "cylinder": piles.cylinders,
+    "cone": piles.cones,
+    "rounded": piles.rounded_boxes,
     "terrain": piles.terrain,
     "friction": piles.resisting,
     "mechanism": joined.mechanisms,
 }
 """Kinds that are used on request only, so that a seed of KINDS stays what it is: those that need continuous
-collision detection, cylinders, height fields, friction beyond mu, and joints between bodies."""
+collision detection, other shapes, height fields, friction beyond mu, and joints between bodies."""
 DRIVEN_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "grip": driven.grips,
     "drag": driven.drags,

@@ -17,10 +17,14 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Quaternion,
+    RoundedBox,
+    RoundedHull,
     Shape,
     Sphere,
     Vector,
@@ -31,17 +35,19 @@ from touchstone.scenarios.solids import (
     ball,
     block,
     capsule,
+    cone,
     cylinder,
     ellipsoid,
     hull,
     hull_mass_properties,
+    rounded,
 )
 
 Array = NDArray[np.float64]
 
 MATERIAL = "wood"
 SHAPES = ("sphere", "box", "capsule", "ellipsoid", "hull", "coin")
-"""Shapes of most kinds of scenes; `cylinder` is one of those that name it."""
+"""Shapes of most kinds of scenes; `cylinder`, `cone` and `rounded_box` are of those that name them."""
 FLAT = ("box", "hull", "coin")
 """Shapes that rest on a face."""
 ASPECT = (0.3, 1.0)
@@ -57,7 +63,7 @@ HEAVIEST = 10.0
 
 
 def random_shape(rng: Generator, reach: float, kinds: Sequence[str] = SHAPES) -> Shape:
-    """Random shape of one of `kinds` (SHAPES, or cylinder) within `reach` [m] of its centre of mass."""
+    """Random shape of one of `kinds` (SHAPES or others by name) within `reach` [m] of its centre of mass."""
     a, b = rng.uniform(*ASPECT, 2)
     match str(rng.choice(kinds)):
         case "sphere":
@@ -71,6 +77,14 @@ def random_shape(rng: Generator, reach: float, kinds: Sequence[str] = SHAPES) ->
             sides = np.array((a, 1.0) if b < np.mean(ASPECT) else (1.0, a))
             radius, half_length = (reach / np.linalg.norm(sides) * sides).tolist()
             return Cylinder(radius, half_length)
+        case "cone":
+            radius, half_length = (a, 1.0) if b < np.mean(ASPECT) else (1.0, a)
+            size = reach / max(1.5 * half_length, float(np.hypot(radius, half_length / 2)))
+            return Cone(float(radius * size), float(half_length * size))
+        case "rounded_box":
+            half = rng.permutation([1.0, a, b])
+            radius = float(rng.uniform(0.05, 0.5))
+            return RoundedBox(vector(reach * (1 - radius) / np.linalg.norm(half) * half), reach * radius)
         case "ellipsoid":
             return Ellipsoid(vector(reach * rng.permutation([1.0, a, b])))
         case "coin":
@@ -120,14 +134,20 @@ def solid(
             return capsule(name, MATERIAL, radius, half_length, *state, **motion)
         case Cylinder(radius, half_length):
             return cylinder(name, MATERIAL, radius, half_length, *state, **motion)
+        case Cone(radius, half_length):
+            return cone(name, MATERIAL, radius, half_length, *state, **motion)
         case Ellipsoid(half_axes):
             return ellipsoid(name, MATERIAL, half_axes, *state, **motion)
         case Hull(vertices):
             return hull(name, MATERIAL, vertices, *state, **motion)
+        case RoundedBox() | RoundedHull():
+            return rounded(name, MATERIAL, shape, *state, **motion)
+        case HalfSpace():
+            raise ValueError("a half-space is no body that moves")
 
 
 def support(shape: Shape, orientation: Quaternion, direction: Vector) -> float:
-    """Support function of a shape: its extent from its origin along a unit vector of the world [m]."""
+    """Extent of a shape from its centre of mass along a unit vector of the world [m]."""
     local = Rotation.from_quat(orientation, scalar_first=True).inv().apply(direction)
     match shape:
         case Sphere(radius):
@@ -138,10 +158,19 @@ def support(shape: Shape, orientation: Quaternion, direction: Vector) -> float:
             return float(radius + half_length * abs(local[2]))
         case Cylinder(radius, half_length):
             return float(radius * np.hypot(local[0], local[1]) + half_length * abs(local[2]))
+        case Cone(radius, half_length):
+            rim = radius * np.hypot(local[0], local[1]) - half_length / 2 * local[2]
+            return float(max(rim, 1.5 * half_length * local[2]))
         case Ellipsoid(half_axes):
             return float(np.linalg.norm(local * half_axes))
         case Hull(vertices):
             return float((np.array(vertices) @ local).max())
+        case RoundedBox(half_extents, radius):
+            return float(np.abs(local) @ half_extents) + radius
+        case RoundedHull(vertices, radius):
+            return float((np.array(vertices) @ local).max()) + radius
+        case HalfSpace():
+            raise ValueError("a half-space has no centre of mass")
 
 
 def masses(rng: Generator, count: int, ratio: float) -> list[float]:

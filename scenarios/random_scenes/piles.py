@@ -36,7 +36,7 @@ from touchstone.scenarios.random_scenes.setup import (
     random_size,
 )
 from touchstone.scenarios.scenario import IDENTITY, Body, Vector, vector
-from touchstone.scenarios.solids import block, slab
+from touchstone.scenarios.solids import block, half_space, slab
 
 
 def heaps(rng: Generator) -> Setup:
@@ -138,12 +138,27 @@ def spinning(rng: Generator) -> Setup:
 
 
 def cylinders(rng: Generator) -> Setup:
-    """Cylinders, half the time among all shapes, that fall on each other, or stand, lie, lean, spin and roll
-    on a floor."""
+    """Cylinders, half the time among all shapes, on a slab."""
+    return _standing(rng, "cylinder", "cylinders", slab("floor", MATERIAL))
+
+
+def cones(rng: Generator) -> Setup:
+    """Cones, half the time among all shapes, on a half-space."""
+    return _standing(rng, "cone", "cones", half_space("floor", MATERIAL))
+
+
+def rounded_boxes(rng: Generator) -> Setup:
+    """Rounded boxes, half the time among all shapes, on a half-space."""
+    return _standing(rng, "rounded_box", "rounded boxes", half_space("floor", MATERIAL))
+
+
+def _standing(rng: Generator, kind: str, plural: str, floor: Body) -> Setup:
+    """Bodies of one kind, half the time among all shapes, that fall on each other, or stand, lie, lean, spin
+    and roll on a floor."""
     count, reach = int(rng.integers(2, 13)), random_size(rng)
     falls = bool(rng.random() < 0.4)
     places = scattered(rng, count, reach, int(rng.integers(1, 4)) if falls else 4, random_gap(rng))
-    kinds = ("cylinder",) if rng.random() < 0.5 else (*len(SHAPES) * ("cylinder",), *SHAPES)
+    kinds = (kind,) if rng.random() < 0.5 else (*len(SHAPES) * (kind,), *SHAPES)
     loads = masses(rng, count, mass_ratio(rng))
     bodies: list[Body] = []
     for k, place in enumerate(places):
@@ -161,7 +176,7 @@ def cylinders(rng: Generator) -> Setup:
         name = f"body_{k + 1}"
         bodies.append(solid(name, shape, loads[k], vector(place), turn, vector(velocity), vector(spin)))
     does = "fall" if falls else "stand, lie, lean and roll"
-    return Setup(f"{count} bodies with cylinders {does}", [slab("floor", MATERIAL), *bodies])
+    return Setup(f"{count} bodies with {plural} {does}", [floor, *bodies])
 
 
 def terrain(rng: Generator) -> Setup:

@@ -21,11 +21,15 @@ from touchstone.scenarios.scenario import (
     BodyJoint,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Matrix,
     Quaternion,
+    RoundedBox,
+    RoundedHull,
     Scenario,
     Shape,
     Sphere,
@@ -216,10 +220,18 @@ def _rescaled_shape(shape: Shape, size: float) -> Shape:
             return Capsule(radius * size, half_length * size)
         case Cylinder(radius, half_length):
             return Cylinder(radius * size, half_length * size)
+        case Cone(radius, half_length):
+            return Cone(radius * size, half_length * size)
         case Ellipsoid(half):
             return Ellipsoid(_scaled(half, size))
         case Hull(vertices):
             return Hull(tuple(_scaled(v, size) for v in vertices))
+        case RoundedBox(half, radius):
+            return RoundedBox(_scaled(half, size), radius * size)
+        case RoundedHull(vertices, radius):
+            return RoundedHull(tuple(_scaled(v, size) for v in vertices), radius * size)
+        case HalfSpace():
+            return shape
     raise TypeError(f"no size of {type(shape).__name__}")
 
 

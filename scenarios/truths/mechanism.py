@@ -30,6 +30,7 @@ from touchstone.scenarios.avatar.number_checks import Report
 from touchstone.scenarios.avatar.tracking import path, sample
 from touchstone.scenarios.body_joints import WORLD, mass_center, mechanisms
 from touchstone.scenarios.scenario import (
+    HALF_SPACE_REACH,
     IDENTITY,
     ORIGIN,
     UNBOUNDED,
@@ -37,9 +38,13 @@ from touchstone.scenarios.scenario import (
     BodyJoint,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
+    RoundedBox,
+    RoundedHull,
     Scenario,
     Shape,
     Sphere,
@@ -454,13 +459,19 @@ def _capsule(shape: Shape) -> tuple[Array, float]:
     match shape:
         case Sphere(radius):
             return np.zeros(3), radius
-        case Capsule(radius, half_length) | Cylinder(radius, half_length):
+        case Capsule(radius, half_length) | Cylinder(radius, half_length) | Cone(radius, half_length):
             return np.array([0.0, 0.0, half_length]), radius
         case Hull(vertices):
             return np.zeros(3), float(np.linalg.norm(vertices, axis=1).max())
         case Box(half) | Ellipsoid(half):
             longest = int(np.argmax(half))
             return np.eye(3)[longest] * half[longest], float(np.linalg.norm(np.delete(half, longest)))
+        case RoundedBox() | RoundedHull():
+            core = Box(shape.half_extents) if isinstance(shape, RoundedBox) else Hull(shape.vertices)
+            segment, around = _capsule(core)
+            return segment, around + shape.radius
+        case HalfSpace():
+            return np.zeros(3), HALF_SPACE_REACH
 
 
 def _segment_distance(a: Array, b: Array, c: Array, d: Array) -> Array:

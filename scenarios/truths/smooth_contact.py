@@ -31,6 +31,7 @@ from touchstone.scenarios.scenario import (
     Box,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Piece,
     Quaternion,
     Scenario,
@@ -287,8 +288,9 @@ def check_smooth_contact(scenario: Scenario, body: Body, path: str, report: Repo
     under = {type(piece.shape) for one in fixed for piece in one.pieces}
     shapes = (Sphere,) if Sphere in under else (Sphere, Ellipsoid, Cylinder)
     round_one = body.pieces and isinstance(body.pieces[0].shape, shapes)
-    if len(fixed) != 1 or not round_one or not under <= {Box, Sphere}:
-        expected = "a ball, or on fixed boxes an ellipsoid or a cylinder, as its first piece; one fixed body"
+    if len(fixed) != 1 or not round_one or not under <= {Box, Sphere, HalfSpace}:
+        expected = "a ball, or on fixed boxes or half-spaces an ellipsoid or a cylinder, as its first piece"
+        expected += "; one fixed body"
         report(path, f"expected {expected}")
         return
     gap = min(abs(one.gap(initial_state(body))) for one in supports(scenario, body))

@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.rounded_solid import rounded_mass_properties
 from touchstone.scenarios.scenario import PairCoefficients, Scenario
 from touchstone.scenarios.solids import (
     block,
+    box_corners,
     box_inertia,
     capsule,
     capsule_inertia,
+    cone_inertia,
     cylinder_inertia,
     ellipsoid,
     ellipsoid_inertia,
@@ -143,3 +146,50 @@ def test_bodies_are_the_same_on_every_processor() -> None:
     ]
     assert "vertices" in printed[0]
     assert printed[0] == printed[1]
+
+
+def test_a_rounded_box_is_its_parts():
+    """Give the volume of Steiner's formula, and the second moments of slabs, quarter cylinders, octants."""
+    sides, r = np.array((0.3, 0.2, 0.1)), 0.07
+
+    def square(a, b, c):
+        faces = 8 * b * c * ((a + r) ** 3 - a**3) / 3 + 8 * a * r * (b + c) * a * a / 3
+        edges = 2 * np.pi * r * r * a**3 / 3
+        edges += sum(
+            8 * half * (a * a * np.pi * r * r / 4 + 2 * a * r**3 / 3 + np.pi * r**4 / 16) for half in (b, c)
+        )
+        corners = 8 * (a * a * np.pi * r**3 / 6 + a * np.pi * r**4 / 8 + np.pi * r**5 / 30)
+        return 8 * b * c * a**3 / 3 + faces + edges + corners
+
+    a, b, c = sides
+    volume = (
+        8 * a * b * c
+        + 8 * r * (a * b + b * c + a * c)
+        + 2 * np.pi * r * r * (a + b + c)
+        + 4 / 3 * np.pi * r**3
+    )
+    squares = np.array([square(*np.roll(sides, -k)) for k in range(3)])
+    mass, centre, inertia = rounded_mass_properties(np.add(box_corners(tuple(sides)), (1.0, 2.0, 3.0)), r)
+    assert mass == pytest.approx(volume, rel=ROUNDING)
+    np.testing.assert_allclose(centre, (1.0, 2.0, 3.0), rtol=ROUNDING)
+    np.testing.assert_allclose(inertia, np.diag(squares.sum() - squares), atol=1e-14)
+
+
+def test_a_rounded_hull_tends_to_a_fine_one():
+    """Be a little heavier than the hull of points on its surface, and have its centre and its inertia."""
+    corners, r = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.2, 0.8, 0.0), (0.1, 0.2, 0.9)), 0.3
+    ball = Rotation.random(1500, random_state=1).apply((0.0, 0.0, r))
+    points = (np.array(corners)[:, None] + ball).reshape(-1, 3)
+    fine, own = hull_mass_properties(points, density=1.0), rounded_mass_properties(corners, r)
+    assert 0 < own[0] - fine[0] < 1e-2 * own[0]
+    np.testing.assert_allclose(own[1], fine[1], atol=1e-3)
+    np.testing.assert_allclose(own[2], fine[2], rtol=2e-2, atol=1e-3)
+
+
+def test_a_cone_is_a_pyramid_of_many_sides():
+    """Have the centre of mass and the inertia of its pyramid, to the depth of the sides."""
+    turns = np.linspace(0.0, 2 * np.pi, 2000, endpoint=False)
+    rim = np.column_stack((0.3 * np.cos(turns), 0.3 * np.sin(turns), np.full(2000, -0.2)))
+    _, centre, inertia = hull_mass_properties([*rim, (0.0, 0.0, 0.2)], mass=2.0)
+    np.testing.assert_allclose(centre, (0.0, 0.0, -0.1), atol=1e-6)
+    np.testing.assert_allclose(inertia, cone_inertia(2.0, 0.3, 0.2), atol=1e-6)

@@ -21,10 +21,13 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
     Hull,
     Piece,
+    RoundedBox,
+    RoundedHull,
     Scenario,
     Sphere,
     Tracker,
@@ -90,6 +93,10 @@ SHAPE = [
     (Capsule(1.0, -1.0), "half_length", "positive"),
     (Cylinder(0.0, 1.0), "radius", "positive"),
     (Cylinder(1.0, inf), "half_length", "inf"),
+    (Cone(1.0, 0.0), "half_length", "positive"),
+    (RoundedBox((1.0, 1.0, 0.0), 1.0), "half_extents", "positive"),
+    (RoundedBox((1.0, 1.0, 1.0), -1.0), "radius", "positive"),
+    (RoundedHull(CUBE[:3], 1.0), "vertices", "at least 4"),
     (Ellipsoid((1.0, 0.0, 1.0)), "half_axes", "positive"),
     (Hull(CUBE[:3]), "vertices", "at least 4"),
     (Hull(((nan, 0.0, 0.0), *CUBE)), "vertices[0]", "nan"),
@@ -100,7 +107,7 @@ SHAPE = [
     (
         SimpleNamespace(),
         "",
-        "unknown shape SimpleNamespace; valid: Sphere, Box, Capsule, Cylinder, Ellipsoid, Hull",
+        "unknown shape SimpleNamespace; valid: Sphere, Box, Capsule, Cylinder, Cone, Ellipsoid, Hull",
     ),
 ]
 JOINT = [

@@ -35,14 +35,18 @@ from touchstone.scenarios.scenario import (
     Box,
     Capsule,
     Cylinder,
+    HalfSpace,
     Hull,
     Joint,
     Piece,
+    RoundedBox,
+    RoundedHull,
     Scenario,
     Sphere,
+    Vector,
     vector,
 )
-from touchstone.scenarios.solids import box_inertia, sphere_inertia
+from touchstone.scenarios.solids import box_inertia, core_vertices, sphere_inertia
 
 INERTIA_TOLERANCE = 1e-12
 """Relative tolerance between a body's inertia and that of its shape: rounding."""
@@ -55,7 +59,11 @@ PRIMITIVES = {
     Box: pybullet.GEOM_BOX,
     Capsule: pybullet.GEOM_CAPSULE,
     Cylinder: pybullet.GEOM_CYLINDER,
+    HalfSpace: pybullet.GEOM_PLANE,
 }
+ROUNDED = (RoundedBox, RoundedHull)
+ALONE = (Hull, HalfSpace, *ROUNDED)
+"""Shapes that are in no compound."""
 
 
 class Factors(NamedTuple):
@@ -243,6 +251,9 @@ class Bodies:
         root = self._scenario.bodies[bodies[0]]
         has_hull = any(isinstance(piece.shape, Hull) for piece in root.pieces)
         dynamics = self.parameters.base | (self.parameters.hull if has_hull else {})
+        for piece in root.pieces:
+            if isinstance(piece.shape, ROUNDED):  # a margin is outside a hull: it rounds it exactly
+                dynamics["collisionMargin"] = piece.shape.radius
         dynamics |= {} if root.kind in TRACKED else self.sleep
         pybullet.changeDynamics(number, BASE, **dynamics, **self._on)
         for k, body in enumerate(bodies):
@@ -262,15 +273,17 @@ class Bodies:
         return Part(0.0 if weightless else own.mass, shape, center, tuple(self.axes[body]))
 
     def _add_shapes(self, body: int) -> list[int]:
-        """Create Bullet's shapes of a body: compounds of its primitives, and one shape per hull."""
+        """Create Bullet's shapes of a body: compounds of primitives, and one per hull or half-space."""
         origin = self.origin[body]
         pieces = [
             replace(piece, position=vector(piece.position - origin))
             for piece in self._scenario.bodies[body].pieces
         ]
-        plain = [piece for piece in pieces if not isinstance(piece.shape, Hull)]
+        plain = [piece for piece in pieces if not isinstance(piece.shape, ALONE)]
         shapes = [self._add_primitives(plain[k : k + MOST_PARTS]) for k in range(0, len(plain), MOST_PARTS)]
-        shapes += [self._add_hull(p, p.shape) for p in pieces if isinstance(p.shape, Hull)]
+        shapes += [self._add_primitives([p]) for p in pieces if isinstance(p.shape, HalfSpace)]
+        shapes += [self._add_hull(p, p.shape.vertices) for p in pieces if isinstance(p.shape, Hull)]
+        shapes += [self._add_hull(p, core_vertices(p.shape)) for p in pieces if isinstance(p.shape, ROUNDED)]
         return shapes or [NO_SHAPE]
 
     def _add_primitives(self, pieces: list[Piece]) -> int:
@@ -283,16 +296,17 @@ class Bodies:
             lengths=[
                 2 * shape.half_length if isinstance(shape, Capsule | Cylinder) else 0.0 for shape in shapes
             ],
+            planeNormals=[(0.0, 0.0, 1.0) for _ in shapes],
             halfExtents=[shape.half_extents if isinstance(shape, Box) else ORIGIN for shape in shapes],
             collisionFramePositions=[piece.position for piece in pieces],
             collisionFrameOrientations=[xyzw(piece.orientation) for piece in pieces],
             **self._on,
         )
 
-    def _add_hull(self, piece: Piece, hull: Hull) -> int:
+    def _add_hull(self, piece: Piece, vertices: tuple[Vector, ...]) -> int:
         return pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
-            vertices=hull.vertices,
+            vertices=vertices,
             collisionFramePosition=piece.position,
             collisionFrameOrientation=xyzw(piece.orientation),
             **self._on,
@@ -325,9 +339,9 @@ def _is_plain(body: Body) -> bool:
     """
     if body.kind in TRACKED or surface_moves(body) or not body.pieces:
         return False
-    hulls = sum(isinstance(piece.shape, Hull) for piece in body.pieces)
+    alone = sum(isinstance(piece.shape, ALONE) for piece in body.pieces)
     if body.kind == "fixed":
-        return (hulls == 0 and len(body.pieces) <= MOST_PARTS) or len(body.pieces) == 1
+        return (alone == 0 and len(body.pieces) <= MOST_PARTS) or len(body.pieces) == 1
     piece = body.pieces[0]
     centred = (piece.position, piece.orientation, body.center_of_mass) == (ORIGIN, IDENTITY, ORIGIN)
     if len(body.pieces) > 1 or not centred:

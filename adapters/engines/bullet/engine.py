@@ -32,7 +32,7 @@ from touchstone.adapters.contract import (
     State,
     Unsupported,
 )
-from touchstone.adapters.engines.bullet.bodies import Bodies, Factors
+from touchstone.adapters.engines.bullet.bodies import ROUNDED, Bodies, Factors
 from touchstone.adapters.engines.bullet.joints import close_loops
 from touchstone.adapters.engines.bullet.read_back import ReadBack
 from touchstone.adapters.engines.bullet.tables import (
@@ -54,9 +54,12 @@ from touchstone.adapters.registry import ENGINES, require_profile
 from touchstone.adapters.servo import Drive, without_ballast
 from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.scenario import (
+    Cone,
     Ellipsoid,
     Scenario,
 )
+
+MISSING = {Cone: "cones", Ellipsoid: "ellipsoids"}
 
 
 class BulletEngine:
@@ -70,9 +73,13 @@ class BulletEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Build a world in its own physics client."""
         require_profile(self.name, settings)
+        joined = {name for joint in scenario.body_joints for name in (joint.parent, joint.child)}
         for body in scenario.bodies:
-            if any(isinstance(piece.shape, Ellipsoid) for piece in body.pieces):
-                raise Unsupported(f"bullet: pybullet makes no ellipsoids (body {body.name!r})")
+            for kind in {type(piece.shape) for piece in body.pieces} & MISSING.keys():
+                raise Unsupported(f"bullet: pybullet makes no {MISSING[kind]} (body {body.name!r})")
+            is_link = body.kind == "driven" or body.name in joined
+            if any(isinstance(p.shape, ROUNDED) for p in body.pieces) and (is_link or len(body.pieces) > 1):
+                raise Unsupported(f"bullet: margins round the only hull of a free body (body {body.name!r})")
         check_range("bullet", "friction", scenario, frictions(scenario), greatest=FRICTION_MAX)
         restitution = product_factors("bullet", "restitution", scenario, restitutions(scenario))
         friction = product_factors("bullet", "friction", scenario, frictions(scenario))

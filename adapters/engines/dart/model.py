@@ -12,8 +12,10 @@ enlarges ellipsoids by 1 cm on all sides; a scene that needs both is Unsupported
 scenes in which only spheres, boxes and capsules meet, as DART's maintainers advise (dart issue 1065: "change
 the collision detector to BulletCollisionDetector if the collision shapes are all primitive shapes"; issue
 1183: it returns up to four contacts per pair, FCL all triangles'). Third, except in `default`,
-scenes of primitives with cylinders use DART's ODE detector: a disc of 5 cm that stands on its cap sinks by
-13 mm with FCL, one that slides by 5 mm with Bullet's.
+scenes of primitives with cylinders or half-spaces use DART's ODE detector: a disc of 5 cm that stands on its
+cap sinks by 13 mm with FCL, one that slides by 5 mm with Bullet's; a box of 10 cm on a plane falls through it
+with FCL, which returns one point, and sinks by 14 mm in 1 s with Bullet's. ODE has no cones: scenes with
+these use Bullet's.
 """
 
 from __future__ import annotations
@@ -34,8 +36,10 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Joint,
     Piece,
@@ -44,7 +48,9 @@ from touchstone.scenarios.scenario import (
 )
 
 ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
-CAPS = "only primitives meet, and FCL and DART's Bullet detector let cylinders sink"
+CAPS = "only primitives meet, and FCL and DART's Bullet detector let cylinders, and bodies on planes, sink"
+PRIMITIVES, SINKING = {Sphere, Box, Capsule, Cylinder, HalfSpace}, {Cylinder, HalfSpace}
+"""Shapes that DART's ODE detector has, and those for which it is chosen."""
 DETECTORS = {
     "fcl": dartpy.collision.FCLCollisionDetector,
     "bullet": dartpy.collision.BulletCollisionDetector,
@@ -72,7 +78,7 @@ ROOT_DOFS = 6
 
 def detector_of(scenario: Scenario, profile: str) -> Any:
     """FCL; Bullet if a sphere can meet a hull or a capsule anything, or if only primitives meet; ODE if
-    cylinders are among these."""
+    cylinders or half-spaces are among these, and no cones."""
     name, reason = detector_choice(scenario, profile)
     if name == "bullet" and any(Ellipsoid in a | b for a, b in _meeting_shapes(scenario)):
         raise Unsupported(f"dart: {reason}, and no detector has both that and true ellipsoids")
@@ -126,8 +132,12 @@ def fault_of_fcl(scenario: Scenario) -> str:
 def detector_choice(scenario: Scenario, profile: str) -> tuple[str, str]:
     """Name of the detector that a scene uses, and why."""
     meeting = [a | b for a, b in _meeting_shapes(scenario)]
-    plain = profile != DEFAULT and all(shapes <= {Sphere, Box, Capsule, Cylinder} for shapes in meeting)
-    if plain and any(Cylinder in shapes for shapes in meeting):
+    plain = profile != DEFAULT and all(shapes <= PRIMITIVES | {Cone} for shapes in meeting)
+    if (
+        plain
+        and all(shapes <= PRIMITIVES for shapes in meeting)
+        and any(shapes & SINKING for shapes in meeting)
+    ):
         return "ode", CAPS
     fault = fault_of_fcl(scenario)
     if fault:
@@ -240,6 +250,12 @@ def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: 
             shape = _add_ellipsoid(node, piece.shape, name)
         case Hull():
             shape = _add_hull(node, piece.shape, name)
+        case Cone():
+            shape = node.createShapeNode(
+                dartpy.dynamics.ConeShape(piece.shape.radius, 2 * piece.shape.half_length), name
+            )
+        case HalfSpace():
+            shape = node.createShapeNode(dartpy.dynamics.PlaneShape(np.array((0.0, 0.0, 1.0)), 0.0), name)
         case _:
             raise Unsupported(f"dart: no shape {type(piece.shape).__name__}")
     shape.setRelativeTransform(isometry(piece.position, piece.orientation))

@@ -23,6 +23,7 @@ from touchstone.scenarios.scenario import (
     Capsule,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Piece,
     Quaternion,
@@ -182,6 +183,8 @@ def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
             _add_ellipsoid(geom, piece.shape)
         case Hull():
             _add_hull(spec, geom, piece.shape)
+        case HalfSpace():
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_PLANE, (0.0, 0.0, 1.0)
         case _:
             raise Unsupported(f"mujoco: no shape {type(piece.shape).__name__}")
 

@@ -9,7 +9,7 @@ import numpy as np
 import warp
 from scipy.spatial import ConvexHull
 
-from touchstone.adapters.contract import Array, Settings
+from touchstone.adapters.contract import Array, Settings, Unsupported
 from touchstone.adapters.engines.newton import ELLIPTIC, KAMINO, MUJOCO, STEEL, XPBD
 from touchstone.adapters.engines.newton.settings import SETTINGS
 from touchstone.adapters.material_combine import (
@@ -97,6 +97,8 @@ def _add_piece(builder: Any, body: int, piece: Piece, place: Any, config: Any) -
             builder.add_shape_ellipsoid(body, rx=x, ry=y, rz=z, **given)
         case shapes.Hull(vertices):
             builder.add_shape_convex_hull(body, mesh=_mesh(np.array(vertices)), **given)
+        case _:
+            raise Unsupported(f"newton: no shape {type(piece.shape).__name__}")
 
 
 def _mesh(vertices: Array) -> Any:

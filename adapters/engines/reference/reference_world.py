@@ -27,10 +27,14 @@ from touchstone.scenarios.scenario import (
     UNMOVED,
     Box,
     Capsule,
+    Cone,
     Cylinder,
     Ellipsoid,
+    HalfSpace,
     Hull,
     Piece,
+    RoundedBox,
+    RoundedHull,
     Scenario,
     Sphere,
     Vector,
@@ -49,6 +53,8 @@ PAIRS_PER_PIECE = 32
 """Pair capacity per piece in large scenes: a sphere among equal spheres has 12 neighbours, which count at the
 start and again at the end of a substep."""
 PAIRS_AT_LEAST = 4096
+HALF_SPACE_WIDTH = 1.0
+"""Width of a half-space as that of a slab [m]: how deep a driver may push a body into it scales with it."""
 PATCH_POINTS = 4
 """Maximum number of rows for the contact manifold of a pair."""
 FRICTION_LEAST = 1e-100
@@ -254,10 +260,19 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
             case Cylinder(radius, half_length):
                 row["kind"], row["size"] = conventions.CYLINDER, (radius, radius, half_length)
                 row["width"], row["reach"] = 2 * min(radius, half_length), np.hypot(radius, half_length)
+            case Cone(radius, half_length):
+                row["kind"], row["size"] = conventions.CONE, (radius, radius, half_length)
+                inscribed = 2 * half_length * radius / (radius + np.hypot(radius, 2 * half_length))
+                row["width"], row["reach"] = 2 * inscribed, np.hypot(radius, half_length)
+            case HalfSpace():
+                row["kind"], row["width"] = conventions.HALF_SPACE, HALF_SPACE_WIDTH
             case Ellipsoid(half_axes):
                 row["kind"], row["size"] = conventions.ELLIPSOID, half_axes
                 row["width"], row["reach"] = 2 * min(half_axes), max(half_axes)
-            case Hull(given):
+            case RoundedBox(half_extents, radius):
+                row["kind"], row["size"], row["radius"] = conventions.BOX, half_extents, radius
+                row["width"], row["reach"] = 2 * (min(half_extents) + radius), np.linalg.norm(half_extents)
+            case Hull(given) | RoundedHull(given):
                 corners = distinct(given)
                 rows, row["cells"], row["size"] = hull_rows(corners)
                 if corners not in first:
@@ -268,6 +283,9 @@ def piece_arrays(owned: Sequence[tuple[int, Piece]]) -> tuple[np.ndarray, np.nda
                 row["vertex_count"] = len(corners)
                 row["center"] = np.mean(corners, axis=0)
                 row["width"], row["reach"] = hull_width(corners), np.linalg.norm(corners, axis=1).max()
+                if isinstance(piece.shape, RoundedHull):
+                    row["radius"] = piece.shape.radius
+                    row["width"] += 2 * piece.shape.radius
             case _:
                 raise Unsupported(f"reference: no shape {type(piece.shape).__name__}")
     return pieces, np.concatenate(hulls).view(VERTEX) if hulls else np.zeros(1, VERTEX)

@@ -43,7 +43,21 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.adapters.vector_products import cross
 from touchstone.reports.metrics.context import Context, judging
-from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Piece, Shape, Sphere
+from touchstone.scenarios.extents import extents
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Hull,
+    Piece,
+    RoundedBox,
+    RoundedHull,
+    Shape,
+    Sphere,
+)
 
 if TYPE_CHECKING:
     from touchstone.reports.metrics.context import Context
@@ -276,6 +290,12 @@ def _size(shape: Shape) -> tuple[Array, float, float]:
             return np.zeros(3), radius + half_length, radius
         case Cylinder(radius, half_length):
             return np.zeros(3), float(np.hypot(radius, half_length)), min(radius, half_length)
+        case Cone(radius, half_length):
+            # the inscribed ball touches the base and the side
+            slant = float(np.hypot(radius, 2 * half_length))
+            inner = 2 * half_length * radius / (radius + slant)
+            center = np.array((0.0, 0.0, inner - half_length))
+            return center, max(2 * half_length - inner, float(np.hypot(radius, inner))), inner
         case Ellipsoid(half):
             return np.zeros(3), max(half), min(half)
         case Hull(vertices):
@@ -284,6 +304,10 @@ def _size(shape: Shape) -> tuple[Array, float, float]:
             planes = ConvexHull(points).equations
             inner = float(-(planes[:, :3] @ center + planes[:, 3]).max())
             return center, float(np.linalg.norm(points - center, axis=1).max()), inner
+        case RoundedBox() | RoundedHull():
+            core = Box(shape.half_extents) if isinstance(shape, RoundedBox) else Hull(shape.vertices)
+            center, outer, inner = _size(core)
+            return center, outer + shape.radius, inner + shape.radius
     raise TypeError(f"no size of {type(shape).__name__}")
 
 
@@ -301,7 +325,9 @@ class SweptPairs:
         self._motions = motions
         bodies = context.scenario.bodies
         self.pieces: list[tuple[int, Piece]] = []
-        self.pieces += [(k, piece) for k, body in enumerate(bodies) for piece in body.pieces]
+        # nothing passes through a half-space: it has no other side
+        solid = ((k, piece) for k, body in enumerate(bodies) for piece in body.pieces)
+        self.pieces += [(k, piece) for k, piece in solid if not isinstance(piece.shape, HalfSpace)]
         self._body = np.array([k for k, _ in self.pieces], dtype=int)
         extents = [extent(motions, k, piece) for k, piece in self.pieces]
         self._outer = np.array([e.outer for e in extents])
@@ -377,14 +403,14 @@ class SweptPairs:
 
     def _box_of(self, k: int) -> tuple[Array, Array]:
         shape = self.pieces[k][1].shape
-        lows, highs = _extents(shape, np.eye(3)[None])
+        lows, highs = extents(shape, np.eye(3)[None])
         return lows[0], highs[0]
 
     def _extent_in(self, one: int, two: int) -> tuple[Array, Array]:
         """Lowest and highest coordinates of piece `two` at every frame in the axes of piece `one` (f, 3)."""
         turn_one, origin_one = self._placed(one)
         turn_two, origin_two = self._placed(two)
-        lows, highs = _extents(self.pieces[two][1].shape, turn_one.swapaxes(1, 2) @ turn_two)
+        lows, highs = extents(self.pieces[two][1].shape, turn_one.swapaxes(1, 2) @ turn_two)
         origin = np.einsum("fji,fj->fi", turn_one, origin_two - origin_one)
         return origin + lows, origin + highs
 
@@ -406,26 +432,6 @@ class SweptPairs:
 def _bulge(angle: Array) -> Array:
     """Largest distance of an arc of radius 1 from its chord, by the arc's angle [rad]."""
     return np.where(angle < np.pi, 1 - np.cos(np.minimum(angle, np.pi) / 2), 2.0)
-
-
-def _extents(shape: Shape, turned: Array) -> tuple[Array, Array]:
-    """Lowest and highest coordinates (n, 3) of a shape after rotations (n, 3, 3)."""
-    match shape:
-        case Sphere(radius):
-            half = np.full((len(turned), 3), radius)
-        case Box(extents):
-            half = np.abs(turned) @ np.array(extents)
-        case Capsule(radius, half_length):
-            half = np.abs(turned[:, :, 2]) * half_length + radius
-        case Cylinder(radius, half_length):
-            across = np.hypot(turned[:, :, 0], turned[:, :, 1])
-            half = np.abs(turned[:, :, 2]) * half_length + across * radius
-        case Ellipsoid(axes):
-            half = np.linalg.norm(turned * np.array(axes), axis=2)
-        case Hull(vertices):
-            points = np.einsum("nij,vj->nvi", turned, np.array(vertices))
-            return points.min(axis=1), points.max(axis=1)
-    return -half, half
 
 
 def _segment_meets_box(start: Array, way: Array, half: Array) -> NDArray[np.bool_]:

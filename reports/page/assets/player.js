@@ -55,7 +55,8 @@ const compose = (q, p, r, s) => [times(q, r), rotate(q, s).map((v, k) => v + p[k
 function shapeMesh(piece) {
   if (piece.ball) return roundMesh(piece.ball, 0);
   if (piece.capsule) return roundMesh(Array(3).fill(piece.capsule[0]), piece.capsule[1]);
-  if (piece.cylinder) return cylinderMesh(...piece.cylinder);
+  if (piece.cylinder) return cylinderMesh(...piece.cylinder, piece.cylinder[0]);
+  if (piece.cone) return cylinderMesh(...piece.cone, 0);
   const flat = piece.box ? boxCorners(piece.box) : [], corners = [];
   for (let i = 0; i < (piece.hull ?? []).length; i += 3) flat.push(piece.hull.slice(i, i + 3));
   for (let i = 0; i < flat.length; i += 3) {
@@ -97,15 +98,17 @@ function roundMesh(radii, half_length) {
   return { corners, fine: triangles(1), coarse: triangles(2) };
 }
 
-// A cylinder along z: two caps and a side whose corners share normals.
-function cylinderMesh(radius, half_length) {
-  const U = 20, corners = [];
-  // rings from the upper cap's centre over both rims to the lower cap's centre: radius, height, tilt of the normal
-  for (const [r, z, up] of [[0, 1, 1], [1, 1, 1], [1, 1, 0], [1, -1, 0], [1, -1, -1], [0, -1, -1]])
+// A cylinder along z, or a cone if the radius `top` of its upper cap is 0: two caps and a side whose corners share
+// normals.
+function cylinderMesh(radius, half_length, top) {
+  const U = 20, corners = [], slant = Math.hypot(radius - top, 2 * half_length);
+  const rise = (radius - top) / slant, out = (2 * half_length) / slant;
+  // rings from the upper cap's centre over both rims to the lower cap's centre: radius, height, normal
+  for (const [r, z, side, up] of [[0, 1, 0, 1], [top, 1, 0, 1], [top, 1, out, rise], [radius, -1, out, rise],
+    [radius, -1, 0, -1], [0, -1, 0, -1]])
     for (let i = 0; i <= U; i++) {
-      const u = (2 * Math.PI * i) / U, side = up ? 0 : 1;
-      corners.push(r * radius * Math.cos(u), r * radius * Math.sin(u), z * half_length,
-        side * Math.cos(u), side * Math.sin(u), up);
+      const u = (2 * Math.PI * i) / U;
+      corners.push(r * Math.cos(u), r * Math.sin(u), z * half_length, side * Math.cos(u), side * Math.sin(u), up);
     }
   const triangles = (step) => {
     const found = [];

@@ -9,7 +9,7 @@ from Python; `time.net` and ratios subtract the cheapest call, that of two spher
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import isnan, log, nan
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array, Unsupported
 from touchstone.adapters.detectors import DETECTORS, FAILURES, REFERENCE, THREW, UNCONVERGED, Failure, Pair
-from touchstone.adapters.oracles.minkowski import core, piece_distance, signed_distance
+from touchstone.adapters.oracles.minkowski import axes_of, piece_distance, reach, signed_distance
 from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
@@ -43,7 +43,9 @@ from touchstone.reports.views.pictures import (
 )
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
+from touchstone.scenarios.extents import extents
 from touchstone.scenarios.files.pair_file import GivenPair
+from touchstone.scenarios.scenario import HalfSpace, Piece
 
 STUDY = "narrow-phase"
 ALL = "all"
@@ -68,17 +70,13 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class PairTruth:
-    """Pairs with the world vertices of each [m], families, sizes [m] and signed distances [m] (n,), and
-    normals from A to B (n, 3). `radii` (n,) [m]: by how much the pieces exceed the hulls of their vertices,
-    both together; 0 for boxes and hulls."""
+    """Pairs with families, sizes [m] and signed distances [m] (n,), and normals from A to B (n, 3)."""
 
     pairs: Sequence[Pair]
-    corners: Sequence[tuple[Array, Array]]
     family: Array
     size: Array
     distance: Array
     normal: Array
-    radii: Array = field(default_factory=lambda: np.zeros(1))
 
 
 def rows_of_study(truth: PairTruth, measured: Mapping[str, Answered]) -> list[Row]:
@@ -154,11 +152,11 @@ def normal_errors(truth: PairTruth, mine: Answered) -> Array:
     Where the translation along the normal exceeds the depth by less than EQUALLY_DEEP of the size, the
     detector found an equally deep face. The error is then that excess over the size, if it is smaller.
     """
-    errors, radii = np.full(len(truth.pairs), np.nan), np.broadcast_to(truth.radii, len(truth.pairs))
+    errors = np.full(len(truth.pairs), np.nan)
     for k in np.flatnonzero(np.isfinite(mine.normal).all(axis=1)).tolist():
-        n, true, (a, b) = mine.normal[k], truth.normal[k], truth.corners[k]
+        n, true, (a, b) = mine.normal[k], truth.normal[k], truth.pairs[k]
         errors[k] = 2 * np.arctan2(np.linalg.norm(n - true), np.linalg.norm(n + true))
-        longer = (a @ n).max() - (b @ n).min() + radii[k] + truth.distance[k]
+        longer = reach(a, n) + reach(b, -n) + truth.distance[k]
         if longer < EQUALLY_DEEP * truth.size[k]:
             errors[k] = min(errors[k], max(0.0, longer / truth.size[k]))
     return errors
@@ -245,11 +243,9 @@ def facts_of(measured: Mapping[str, Answered]) -> dict[str, dict[str, object]]:
 def truth_of(count: int, seed: int) -> PairTruth:
     """Random pairs of a seed, with the truth by the explicit Minkowski difference of each."""
     drawn = draw(count, np.random.default_rng(seed))
-    vertices = [(corners(a), corners(b)) for _, (a, b) in drawn]
-    found = [signed_distance(a, b) for a, b in vertices]
+    found = [signed_distance(corners(a), corners(b)) for _, (a, b) in drawn]
     return PairTruth(
         [pair for _, pair in drawn],
-        vertices,
         np.array([family for family, _ in drawn]),
         np.array([size_of(pair) for _, pair in drawn]),
         np.array([distance for distance, _ in found]),
@@ -496,18 +492,22 @@ def truth_of_given(pairs: Sequence[GivenPair]) -> PairTruth:
         found = [piece_distance(*pair.pieces) for pair in pairs]
     except Unsupported as error:
         raise RefusedError(str(error)) from error
-    cores = [tuple(core(piece) for piece in pair.pieces) for pair in pairs]
-    radii = np.array([a[1] + b[1] for a, b in cores])
-    sizes = [max(float(np.ptp(points, axis=0).max()) + 2 * r for points, r in each) for each in cores]
+    sizes = [max(_size(piece) for piece in pair.pieces) for pair in pairs]
     return PairTruth(
         [pair.pieces for pair in pairs],
-        [(a[0], b[0]) for a, b in cores],
         np.array([pair.name for pair in pairs]),
         np.array(sizes),
         np.array([distance for distance, _ in found]),
         np.array([normal for _, normal in found]),
-        radii,
     )
+
+
+def _size(piece: Piece) -> float:
+    """Largest side of the bounding box of a piece [m]; 0 of a half-space."""
+    if isinstance(piece.shape, HalfSpace):
+        return 0.0
+    low, high = extents(piece.shape, axes_of(piece.orientation)[None])
+    return float((high - low).max())
 
 
 def _rows(pairs: Sequence[GivenPair], truth: PairTruth, measured: Mapping[str, Answered]) -> list[Row]:

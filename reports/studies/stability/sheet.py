@@ -27,7 +27,18 @@ from touchstone.reports.studies.stability.play import KEPT, Played, file_of, pla
 from touchstone.reports.verdict.figures import rotations
 from touchstone.reports.views.pictures import INK, figure
 from touchstone.scenarios.difficulty.family import hard_scene
-from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Scenario, Shape, Sphere
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Hull,
+    Scenario,
+    Shape,
+    Sphere,
+)
+from touchstone.scenarios.solids import shown_piece
 
 PER_SHEET = 20
 """Cells of one picture."""
@@ -173,7 +184,7 @@ def _pieces(scenario: Scenario, run: Recording, body: int, frame: int) -> list[A
     usable = np.isfinite(turn).all() and np.linalg.norm(turn) > 0
     turned = Rotation.from_quat(turn, scalar_first=True) if usable else Rotation.identity()
     found = []
-    for piece in scenario.bodies[body].pieces:
+    for piece in map(shown_piece, scenario.bodies[body].pieces):
         own = Rotation.from_quat(piece.orientation, scalar_first=True).apply(_points(piece.shape))
         found.append(turned.apply(own + np.array(piece.position)) + run.position[frame, body])
     return found
@@ -191,6 +202,9 @@ def _points(shape: Shape) -> Array:
         case Cylinder(radius, half_length):
             rim = BALL[:, :2] / np.maximum(np.hypot(BALL[:, 0], BALL[:, 1]), 1e-12)[:, None]
             return np.column_stack((radius * rim, half_length * np.sign(BALL[:, 2])))
+        case Cone(radius, half_length):
+            base = np.column_stack((radius * BALL[:, :2], np.full(len(BALL), -half_length)))
+            return np.vstack((base, (0.0, 0.0, half_length)))
         case Ellipsoid(half):
             return BALL * np.array(half)
         case Hull(vertices):

@@ -1,4 +1,4 @@
-"""Depth of cylinders: closed forms, and the least support value of the difference over all directions."""
+"""Depth of cylinders, cones and rounded shapes: closed forms, and the least support value over directions."""
 
 from __future__ import annotations
 
@@ -8,22 +8,38 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.extents import extents
 from touchstone.scenarios.random_scenes.bodies import random_shape
-from touchstone.scenarios.random_scenes.bodies import support as support_of
-from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Piece, Sphere, vector
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    HalfSpace,
+    Piece,
+    RoundedBox,
+    RoundedHull,
+    Sphere,
+    vector,
+)
 
 EXACT = 1e-11
 """Of a distance of pieces of about 1 m [m]."""
 UNBEATEN = 1e-9
 """By how much no searched direction has a larger gap than the one that is found [m]."""
-KINDS = ("sphere", "box", "capsule", "ellipsoid", "hull", "cylinder")
+KINDS = ("sphere", "box", "capsule", "ellipsoid", "hull", "cylinder", "cone", "rounded_box")
 LYING = Rotation.from_rotvec((0.0, np.pi / 2, 0.0))
+
+
+def support_of(piece: Piece, n: np.ndarray) -> float:
+    """Extent of a piece from its origin along a unit vector of the world [m]."""
+    local = Rotation.from_quat(piece.orientation, scalar_first=True).inv().apply(n)
+    return float(extents(piece.shape, np.broadcast_to(local, (1, 3, 3)))[1][0, 0])
 
 
 def gap_along(a: Piece, b: Piece, n: np.ndarray) -> float:
     """Gap of two pieces along a unit vector from A to B: at most their signed distance."""
-    own, other = support_of(a.shape, a.orientation, n), support_of(b.shape, b.orientation, -n)
-    return float(n @ np.subtract(b.position, a.position) - own - other)
+    return float(n @ np.subtract(b.position, a.position) - support_of(a, n) - support_of(b, -n))
 
 
 def largest_gap(a: Piece, b: Piece, rng: np.random.Generator) -> float:
@@ -48,13 +64,14 @@ def random_turn(rng: np.random.Generator) -> Rotation:
     return Rotation.from_rotvec(rng.normal(size=3) * 10 ** rng.uniform(-12, -3))
 
 
-@pytest.mark.parametrize("pairs", [12, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("pairs", [6, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rimmed", [Cylinder, Cone])
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_direction_has_a_larger_gap(lab: SimpleNamespace, kind: str, pairs: int) -> None:
+def test_no_direction_has_a_larger_gap(lab: SimpleNamespace, kind: str, rimmed: type, pairs: int) -> None:
     """Find a normal along which pieces have the distance that is returned, and no direction with more."""
     rng = np.random.default_rng(KINDS.index(kind))
     for _ in range(pairs):
-        shapes = [Cylinder(*np.exp(0.5 * rng.normal(size=2)).tolist()) for _ in range(2)]
+        shapes = [rimmed(*np.exp(0.5 * rng.normal(size=2)).tolist()) for _ in range(2)]
         if kind != "cylinder":
             shapes[1] = random_shape(rng, float(np.exp(0.5 * rng.normal())), (kind,))
         place = rng.normal(size=3) * rng.choice([0.3, 1.0, 2.0])
@@ -112,3 +129,38 @@ def test_a_prism_of_many_sides_tends_to_the_cylinder(lab: SimpleNamespace) -> No
         n = found.normal
         gap = (lab.corners(other) @ n).min() - (prism @ n).max()
         assert 0 <= gap - found.distance <= 0.4 * (1 - np.cos(np.pi / sides)) + EXACT
+
+
+CORNER = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "place", "distance", "normal"),
+    [
+        # a ball over the apex, beside the side, off the base, and a plane under a cone on its side
+        (Cone(0.3, 0.2), Sphere(0.1), (0, 0, 0.5), 0.2, (0, 0, 1)),
+        (Cone(0.3, 0.2), Sphere(0.1), (0.55, 0, 0.3), 0.4, (0.8, 0, 0.6)),
+        (Cone(0.3, 0.2), Sphere(0.1), (0.1, 0, -0.5), 0.2, (0, 0, -1)),
+        (HalfSpace(), Cone(0.3, 0.2), (0.4, 0.1, 0.1), -0.1, (0, 0, 1)),
+        (HalfSpace(), Sphere(0.3), (7.0, 1.0, 0.5), 0.2, (0, 0, 1)),
+        (HalfSpace(), Box((0.1, 0.2, 0.3)), (7.0, 1.0, -5.0), -5.3, (0, 0, 1)),
+        # faces, edges and corners of rounded boxes and hulls
+        (RoundedBox((0.3, 0.3, 0.3), 0.1), Sphere(0.1), (0.1, 0.2, 0.7), 0.2, (0, 0, 1)),
+        (RoundedBox((0.3, 0.3, 0.3), 0.1), Sphere(0.1), (0.0, 0.6, 0.7), 0.3, (0, 0.6, 0.8)),
+        (RoundedBox((0.3, 0.3, 0.3), 0.1), Box((0.1, 0.1, 0.1)), (0.1, 0.0, -0.45), -0.05, (0, 0, -1)),
+        (RoundedHull(CORNER, 0.2), Sphere(0.1), (0.2, 0.2, -0.4), 0.1, (0, 0, -1)),
+        (HalfSpace(), RoundedHull(CORNER, 0.2), (0.2, 0.2, 0.25), 0.05, (0, 0, 1)),
+    ],
+)
+def test_closed_forms_of_cones_planes_and_rounded_shapes(
+    lab: SimpleNamespace, a, b, place, distance, normal
+) -> None:
+    """Measure shapes at known distances, in either order, turned anyhow."""
+    for about in (Rotation.identity(), Rotation.from_rotvec((0.3, -0.7, 0.4))):
+        one, two = lab.piece(a, (0, 0, 0), about), lab.piece(b, about.apply(place), about)
+        found, back = lab.measure(one, two), lab.measure(two, one)
+        assert found.converged
+        assert found.distance == pytest.approx(distance, abs=1e-12)
+        assert back.distance == pytest.approx(distance, abs=1e-12)
+        np.testing.assert_allclose(found.normal, about.apply(normal), atol=1e-6)
+        np.testing.assert_allclose(back.normal, about.apply(normal) * -1, atol=1e-6)

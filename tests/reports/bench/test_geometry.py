@@ -201,7 +201,9 @@ def test_families_are_what_they_say(truth) -> None:
     for name in ("hulls overlapping", "boxes overlapping", "small and large"):
         assert (distance[name] < 0).all()
     assert (distance["hulls apart"] > 0).all()
-    one, two = (np.ptp(c, axis=0).max() for c in truth.corners[list(truth.family).index("small and large")])
+    one, two = (
+        np.ptp(corners(p), axis=0).max() for p in truth.pairs[list(truth.family).index("small and large")]
+    )
     assert 20 < one / two < 500
 
 

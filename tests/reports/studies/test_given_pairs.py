@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import json
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.detectors import DETECTORS
 from touchstone.adapters.oracles.minkowski import piece_distance
 from touchstone.reports.studies.narrow_phase import study as narrow_phase
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
-from touchstone.scenarios.files.pair_file import read_pairs
+from touchstone.scenarios.files.pair_file import GivenPair, Placed, read_pairs
 from touchstone.scenarios.files.read import SceneFileError
-from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Piece, Sphere
+from touchstone.scenarios.scenario import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Piece,
+    RoundedBox,
+    Sphere,
+)
 
 REPORTS = Path(__file__).with_name("detector_reports.json")
 """Pairs of public reports about detectors; `source` is the report. Numbers are those of the reports, or of
@@ -66,10 +78,51 @@ def test_segments_that_meet_overlap_by_both_radii(a, b):
         assert normal[2] == pytest.approx(0, abs=1e-12)
 
 
-def test_an_ellipsoid_has_no_truth():
-    """It is refused by name."""
-    with pytest.raises(Unsupported, match="no Minkowski difference of ellipsoids"):
-        piece_distance(piece(CUBE), piece(Ellipsoid((1, 2, 3))))
+@pytest.mark.parametrize(
+    ("a", "b", "distance", "normal"),
+    [
+        (piece(HalfSpace(), (0, 0, 1)), piece(Sphere(0.5), (3, 4, 2)), 0.5, (0, 0, 1)),
+        (piece(Ellipsoid((1, 2, 3)), (0, 0, 2)), piece(HalfSpace()), -1.0, (0, 0, -1)),
+        (piece(HalfSpace()), piece(Cone(0.3, 0.2), (0, 0, 0.5)), 0.3, (0, 0, 1)),
+        (piece(Ellipsoid((1, 1, 1))), piece(Ellipsoid((0.5, 0.5, 0.5)), (0, 2, 0)), 0.5, (0, 1, 0)),
+        (piece(Cone(0.3, 0.2)), piece(Sphere(0.1), (0.55, 0, 0.3)), 0.4, (0.8, 0, 0.6)),
+        (piece(Cylinder(0.5, 0.5)), piece(Sphere(0.2), (0.8, 0, 0.9)), 0.3, (0.6, 0, 0.8)),
+        (piece(Cylinder(0.5, 0.5)), piece(Cylinder(0.3, 0.4), (0.0, 0.7, 0.1)), -0.1, (0, 1, 0)),
+        (piece(RoundedBox((0.3, 0.3, 0.3), 0.1)), piece(CUBE, (0, 0, -1.5)), 0.1, (0, 0, -1)),
+    ],
+)
+def test_the_truth_of_shapes_without_corners_is_their_closed_form(a, b, distance, normal):
+    """Planes, cones, cylinders, ellipsoids and rounded boxes, apart and overlapping."""
+    found, along = piece_distance(a, b)
+    assert found == pytest.approx(distance, abs=1e-11)
+    assert np.allclose(along, normal, atol=1e-5)
+
+
+def test_half_spaces_have_no_distance():
+    """Two of them are refused."""
+    with pytest.raises(Unsupported, match="no distance of two half-spaces"):
+        piece_distance(piece(HalfSpace()), piece(HalfSpace(), (0, 0, 1)))
+
+
+def test_the_reference_is_exact_on_all_shapes(monkeypatch, tmp_path):
+    """Pairs of every two shapes, apart and overlapping, at random; qhull's planes are exact to 1e-10."""
+    for name in DETECTORS.keys() - {"reference.exact"}:
+        monkeypatch.delitem(DETECTORS, name)
+    rng = np.random.default_rng(3)
+    shapes = [
+        *(Sphere(0.4), Box((0.5, 0.3, 0.2)), Capsule(0.2, 0.4), Cylinder(0.3, 0.4), Cone(0.4, 0.4)),
+        *(Ellipsoid((0.5, 0.3, 0.2)), RoundedBox((0.4, 0.3, 0.1), 0.1), HalfSpace()),
+    ]
+    pairs = []
+    for k, (one, two) in enumerate(combinations(shapes, 2)):
+        way = Rotation.random(random_state=k).apply((0.0, 0.0, float(rng.choice([0.3, 1.5]))))
+        turned = Rotation.random(2, random_state=99 + k).as_quat(scalar_first=True)
+        a, b = Placed(one, (0.0, 0.0, 0.0), tuple(turned[0])), Placed(two, tuple(way), tuple(turned[1]))
+        pairs.append(GivenPair(f"pair_{k}", a, b))
+    frame = narrow_phase.run_given(pairs, tmp_path / "out", lambda *_: None)
+    errors = frame[(frame.engine == "reference.exact") & (frame.metric == "depth.error")]
+    assert len(errors) == len(pairs)
+    assert errors.value.max() < 1e-8
 
 
 def test_the_reference_is_exact_on_public_reports(monkeypatch, tmp_path):

@@ -11,7 +11,8 @@ from touchstone.scenarios.files.read import SceneFileError, read_scene
 from touchstone.scenarios.files.schema import json_schema
 from touchstone.scenarios.files.text_lines import json_lines, toml_lines
 from touchstone.scenarios.files.write import scene_toml
-from touchstone.scenarios.scenario import Capsule, Piece
+from touchstone.scenarios.rounded_solid import rounded_mass_properties
+from touchstone.scenarios.scenario import Capsule, Cone, HalfSpace, Piece, RoundedBox, RoundedHull
 from touchstone.scenarios.solids import capsule_inertia
 
 SOUND = """\
@@ -332,3 +333,50 @@ def test_a_wrong_height_field_is_one_line(scene, old, new, expected):
     """Each fault names its file, its line and what is expected."""
     (fault,) = scene(SOUND + FIELD.replace(old, new))
     assert fault.startswith(expected)
+
+
+CORNER = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+SHAPED = """
+[[bodies]]
+name = "other"
+kind = "simulated"
+material = "wood"
+mass = 2.0
+position = [3.0, 0.0, 0.0]
+pieces = [{ name = "p", shape = SHAPE }]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "shape", "center"),
+    [
+        ('{ type = "cone", radius = 0.1, half_length = 0.2 }', Cone(0.1, 0.2), (0.0, 0.0, -0.1)),
+        (
+            "{ half_extents = [0.1, 0.2, 0.3], radius = 0.05 }",
+            RoundedBox((0.1, 0.2, 0.3), 0.05),
+            (0.0, 0.0, 0.0),
+        ),
+        (
+            "{ vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], radius = 1 }",
+            RoundedHull(CORNER, 1.0),
+            rounded_mass_properties(CORNER, 1.0)[1],
+        ),
+    ],
+)
+def test_cones_and_rounded_shapes_are_uniform_solids(scene, text, shape, center):
+    """A cone is named by its type, a rounded shape is known by its radius; mass makes their inertia."""
+    body = scene(SOUND + SHAPED.replace("SHAPE", text)).bodies[1]
+    assert body.pieces[0].shape == shape
+    assert body.center_of_mass == pytest.approx(center, abs=1e-8)
+    assert body.inertia[0][0] > 0
+
+
+def test_a_half_space_is_fixed(scene):
+    """It is a floor of a fixed body, and refused on one that moves."""
+    plane = SHAPED.replace("SHAPE", '{ type = "half_space" }')
+    still = plane.replace("simulated", "fixed").replace("mass = 2.0\n", "")
+    assert scene(SOUND + still).bodies[1].pieces[0].shape == HalfSpace()
+    assert any(
+        "found a half-space on a simulated body, expected a fixed one" in line
+        for line in scene(SOUND + plane)
+    )

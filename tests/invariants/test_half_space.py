@@ -1,0 +1,238 @@
+"""Half-spaces and cones: what moves on a plane moves as over a large slab, and cones follow closed forms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import atan, cos, sin
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from touchstone.adapters.contract import Settings, Unsupported
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import load
+from touchstone.scenarios.catalogue import find
+from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.families.ellipsoid import quaternion
+from touchstone.scenarios.rounded_solid import rounded_mass_properties
+from touchstone.scenarios.scenario import (
+    GRAVITY,
+    Body,
+    HalfSpace,
+    PairCoefficients,
+    Piece,
+    RoundedBox,
+    RoundedHull,
+    Scenario,
+    vector,
+)
+from touchstone.scenarios.solids import (
+    ball,
+    block,
+    box_corners,
+    capsule,
+    cone,
+    cylinder,
+    ellipsoid,
+    half_space,
+    hull,
+    rounded,
+    slab,
+)
+
+LYING = (2**-0.5, 2**-0.5, 0.0, 0.0)
+TURNED = quaternion(Rotation.from_rotvec((0.4, 0.9, 0.2)))
+MOTION = {"velocity": (1.0, 0.3, -0.2), "spin": (1.0, -1.0, 2.0)}
+STATE = (0.5, (0.1, 0.2, 0.2), TURNED)
+CORNERS = [(x, y, z) for x in (-0.1, 0.06) for y in (-0.05, 0.07) for z in (-0.04, 0.05)] + [(0.0, 0.0, 0.12)]
+MOVING = {
+    "ball": ball("body", "wood", 0.1, 1.0, (0.1, 0.2, 0.1), (1.0, 0.2, 0.0), (-2.0, 10.0, 3.0)),
+    "box": block("body", "wood", (0.1, 0.07, 0.05), *STATE, **MOTION),
+    "capsule": capsule("body", "wood", 0.05, 0.1, *STATE, **MOTION),
+    "cylinder": cylinder("body", "wood", 0.05, 0.1, *STATE, **MOTION),
+    "cone": cone("body", "wood", 0.07, 0.1, *STATE, **MOTION),
+    "ellipsoid": ellipsoid("body", "wood", (0.1, 0.07, 0.05), *STATE, **MOTION),
+    "rounded box": rounded("body", "wood", RoundedBox((0.08, 0.05, 0.03), 0.02), *STATE, **MOTION),
+    "rounded hull": rounded("body", "wood", RoundedHull(tuple(CORNERS), 0.02), *STATE, **MOTION),
+    "hull": hull("body", "wood", CORNERS, *STATE, **MOTION),
+    "standing box": block("body", "wood", (0.1, 0.07, 0.05), 1.0, (0.1, 0.2, 0.05), velocity=(1.0, 0.0, 0.0)),
+    "standing cone": cone("body", "wood", 0.07, 0.1, 1.0, (0.1, 0.2, 0.05), velocity=(1.0, 0.0, 0.0)),
+    "rolling cylinder": cylinder(
+        "body",
+        "wood",
+        0.05,
+        0.1,
+        1.0,
+        (0.1, 0.2, 0.05),
+        LYING,
+        velocity=(1.0, 0.0, 0.0),
+        spin=(0.0, 20.0, 0.0),
+    ),
+}
+"""Bodies on or above the plane z = 0."""
+
+
+def end_of(floor: Body, body: Body, turn: Rotation) -> np.ndarray:
+    """Positions of a body over a floor, all turned, with gravity; turned back."""
+
+    def turned(one: Body) -> Body:
+        own = Rotation.from_quat(one.orientation, scalar_first=True)
+        return replace(
+            one,
+            position=vector(turn.apply(one.position)),
+            orientation=quaternion(turn * own),
+            linear_velocity=vector(turn.apply(one.linear_velocity)),
+            angular_velocity=vector(turn.apply(one.angular_velocity)),
+        )
+
+    scene = Scenario(
+        name="test",
+        summary="a test",
+        tags=(),
+        bodies=(turned(floor), turned(body)),
+        duration=0.6,
+        coefficients=(PairCoefficients("wood", "wood", 0.3, 0.5),),
+        gravity=vector(turn.apply((0.0, 0.0, -GRAVITY))),
+    )
+    recording = record(load("reference"), scene, Settings("balanced", 1 / 60))
+    return turn.inv().apply(recording.position[:, 1])
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+@pytest.mark.parametrize("name", MOVING)
+def test_a_half_space_is_a_large_slab(name: str, turn: float) -> None:
+    """Positions are those over a slab to a nanometre, on a level plane and where all is turned."""
+    expected = end_of(slab("floor", "wood"), MOVING[name], Rotation.identity())
+    turned = Rotation.from_rotvec(turn * np.array((1.0, -0.5, 0.3)))
+    found = end_of(half_space("floor", "wood"), MOVING[name], turned)
+    assert np.abs(found - expected).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["cone_rolls", "cone_swings", "cone_holds", "cone_slides"])
+def test_cones_follow_their_truth(name: str) -> None:
+    """Stand and slide to a nanometre, and roll to 0.2 mm in 3 s, at 1/60 s."""
+    scene = find(name)
+    recording = record(load("reference"), scene, Settings("balanced", 1 / 60))
+    (truth,) = scene.truths
+    true, body = motion(scene, truth, recording.time), scene.body_index(truth.body)
+    allowed = 2e-4 if truth.law == "rolling_cone" else 1e-9
+    np.testing.assert_allclose(recording.position[:, body], true.position, atol=allowed)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_a_cone_tips_where_its_weight_leaves_the_rim(turn: float) -> None:
+    """Stand at 0.99 and tip at 1.01 of the slope at which the weight passes over the rim, however turned."""
+    radius, half_length = 0.05, 0.15
+    for share, tips in ((0.99, False), (1.01, True)):
+        tilt = Rotation.from_rotvec((0.0, share * atan(2 * radius / half_length), 0.0))
+        place = vector(tilt.apply((0.0, 0.0, half_length / 2)))
+        turned = quaternion(tilt * Rotation.from_rotvec((0.0, 0.0, turn)))
+        post = cone("post", "wood", radius, half_length, 1.0, place, turned)
+        slope = half_space("slope", "wood", orientation=quaternion(tilt))
+        pairs = (PairCoefficients("wood", "wood", 0.0, 1.0),)
+        recording = record(
+            load("reference"),
+            Scenario("tips", "", (), (slope, post), 1.0, pairs),
+            Settings("balanced", 1 / 60),
+        )
+        moved = np.abs(recording.position[-1, 1] - place).max()
+        assert (moved > 0.05) == tips
+        assert tips or moved < 1e-9
+
+
+def test_a_cone_that_falls_gains_nothing() -> None:
+    """Gain no energy where a cone falls on its rim, its side and its apex."""
+    turn = quaternion(Rotation.from_rotvec((2.3, 0.4, 0.0)))
+    top = cone("cone", "wood", 0.05, 0.08, 0.3, (0.0, 0.0, 0.2), turn, spin=(3.0, 2.0, 12.0))
+    pairs = (PairCoefficients("wood", "wood", 0.3, 0.4),)
+    scene = Scenario("falls", "", (), (half_space("floor", "wood"), top), 3.0, pairs)
+    recording = record(load("reference"), scene, Settings("balanced", 1 / 60))
+    turned = Rotation.from_quat(recording.orientation[:, 1], scalar_first=True).inv()
+    spin = turned.apply(recording.angular_velocity[:, 1])
+    energy = (
+        0.15 * (recording.linear_velocity[:, 1] ** 2).sum(axis=1)
+        + (np.diag(np.array(top.inertia)) * spin**2).sum(axis=1) / 2
+        + 0.3 * GRAVITY * recording.position[:, 1, 2]
+    )
+    assert np.diff(energy).max() < 1e-9
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "bullet", "dart"])
+@pytest.mark.parametrize("offset", [0.0, 0.5])
+def test_engines_play_their_own_planes(engine: str, offset: float) -> None:
+    """A box rests on a plane that is posed by its body, its piece, or both, to a millimetre."""
+    tilt = Rotation.from_rotvec((0.0, 0.2, 0.0))
+    up = tilt.apply((0.0, 0.0, 1.0))
+    plane = Piece(
+        "plane", HalfSpace(), (0.3, 0.2, -offset), quaternion(Rotation.from_rotvec((0.0, 0.0, 0.4)))
+    )
+    floor = Body(
+        "floor", "fixed", "wood", (plane,), position=vector(offset * up), orientation=quaternion(tilt)
+    )
+    box = block("box", "wood", (0.1, 0.07, 0.05), 1.0, vector(0.05 * up), quaternion(tilt))
+    scene = Scenario("t", "", (), (floor, box), 1.0, (PairCoefficients("wood", "wood", 0.0, 0.6),))
+    recording = record(load(engine), scene, Settings("recommended", 1 / 240))
+    assert np.abs(recording.position[:, 1] - recording.position[0, 1]).max() < 1e-3
+
+
+def rolled(box: RoundedBox, tilt: float, times: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) of a rounded box of 1 kg that rolls on one edge from rest, where the middle of the
+    edge's rounding starts at x = 0; the box is turned by `tilt` [rad]."""
+    (x, _, z), r = box.half_extents, box.radius
+    start = np.array((-x * cos(tilt) + z * sin(tilt), x * sin(tilt) + z * cos(tilt)))
+    about = rounded_mass_properties(box_corners(box.half_extents), r, mass=1.0)[2][1][1]
+
+    def arm(angle: float) -> np.ndarray:
+        return np.array(((cos(angle), sin(angle)), (-sin(angle), cos(angle)))) @ start
+
+    def change(_: float, y: np.ndarray) -> tuple[float, float]:
+        a, c = arm(y[0])
+        inertia = (r + c) ** 2 + a * a + about
+        return y[1], (GRAVITY * a + r * a * y[1] ** 2) / inertia
+
+    run = solve_ivp(change, (0.0, times[-1]), (0.0, 0.0), "DOP853", times, rtol=1e-12, atol=1e-13)
+    places = np.array([arm(angle) for angle in run.y[0]])
+    return np.column_stack((r * run.y[0] + places[:, 0], np.zeros(len(times)), r + places[:, 1]))
+
+
+@pytest.mark.parametrize(
+    ("engine", "profile", "rate", "error"),
+    [("reference", "balanced", 960, 1e-6), ("bullet", "recommended", 3840, 2e-4)],
+)
+def test_a_rounded_edge_rolls(engine: str, profile: str, rate: int, error: float) -> None:
+    """Follow the integrated motion of a box that rolls back on its rounded edge."""
+    box, tilt = RoundedBox((0.1, 0.1, 0.05), 0.05), 0.5
+    times = np.arange(25) / 120
+    true = rolled(box, tilt, times)
+    turn = quaternion(Rotation.from_rotvec((0.0, tilt, 0.0)))
+    body = rounded("box", "wood", box, 1.0, vector(true[0]), turn)
+    scene = Scenario(
+        "rolls",
+        "",
+        (),
+        (half_space("floor", "wood"), body),
+        0.2,
+        (PairCoefficients("wood", "wood", 0.0, 1.0),),
+    )
+    recording = record(load(engine), replace(scene, frame_rate=120), Settings(profile, 1 / rate))
+    np.testing.assert_allclose(recording.position[:, 1], true, atol=error)
+
+
+@pytest.mark.parametrize(
+    ("engine", "reason"),
+    [
+        ("mujoco", "no shape RoundedBox"),
+        ("dart", "no shape RoundedBox"),
+        ("bullet", "the only hull of a free"),
+    ],
+)
+def test_engines_refuse_what_they_cannot_round(engine: str, reason: str) -> None:
+    """MuJoCo and DART have no rounded shapes, Bullet one per body."""
+    one = rounded("box", "wood", RoundedBox((0.1, 0.1, 0.05), 0.05), 1.0, (0.0, 0.0, 0.1))
+    both = (*one.pieces, replace(one.pieces[0], name="other", position=(0.3, 0.0, 0.0)))
+    bodies = half_space("floor", "wood"), replace(one, pieces=both)
+    scene = Scenario("t", "", (), bodies, 1.0, (PairCoefficients("wood", "wood", 0.0, 0.5),))
+    with pytest.raises(Unsupported, match=reason):
+        load(engine).build(scene, Settings("recommended", 1 / 240))
