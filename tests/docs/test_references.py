@@ -52,6 +52,7 @@ ELSEWHERE = {
     "nohup": "the system",
     "PD_g": "the paper",
     "J_h": "a formula",
+    "mu_s": "a formula",
 }
 """Names that are not ours, and whose they are."""
 NAME = re.compile(r"[A-Za-z_][\w.]*(?:\(\))?")
