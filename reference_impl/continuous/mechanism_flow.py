@@ -21,7 +21,7 @@ from touchstone.reference_impl.kinematics.mechanism import add_rates, move_mecha
 STEP_GROWTH, STEP_SHARE = 5.0, 0.9
 """Most growth of a step, and share of the length that its error allows [1]."""
 MOST_STEPS = 512
-"""Most steps of a substep; the last one takes the rest of it whatever its error."""
+"""Most attempts at steps of a substep; the last one takes the rest of it whatever its error."""
 STIFF = 10.0
 """Rate of a joint's spring and damper times the length of a substep [rad] above which its motion is stiff:
 steps of an explicit method, which are stable up to 3.3, cost more than those of an implicit one."""
@@ -157,7 +157,7 @@ def _flow_implicitly(bodies, joints, driver, time):
     left, h, table = time, time, driver["slopes"]
     end = driver["position_count"] + driver["hinge_count"]
     for k in range(MOST_STEPS):
-        last = not h < left
+        last = not h < left or k == MOST_STEPS - 1
         if last:
             h = left
         _store(driver, driver["stage_start"])

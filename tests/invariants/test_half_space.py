@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+from turned_floor import end_of
 
 from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.recorder import record
@@ -74,39 +75,13 @@ MOVING = {
 """Bodies on or above the plane z = 0."""
 
 
-def end_of(floor: Body, body: Body, turn: Rotation) -> np.ndarray:
-    """Positions of a body over a floor, all turned, with gravity; turned back."""
-
-    def turned(one: Body) -> Body:
-        own = Rotation.from_quat(one.orientation, scalar_first=True)
-        return replace(
-            one,
-            position=vector(turn.apply(one.position)),
-            orientation=quaternion(turn * own),
-            linear_velocity=vector(turn.apply(one.linear_velocity)),
-            angular_velocity=vector(turn.apply(one.angular_velocity)),
-        )
-
-    scene = Scenario(
-        name="test",
-        summary="a test",
-        tags=(),
-        bodies=(turned(floor), turned(body)),
-        duration=0.6,
-        coefficients=(PairCoefficients("wood", "wood", 0.3, 0.5),),
-        gravity=vector(turn.apply((0.0, 0.0, -GRAVITY))),
-    )
-    recording = record(load("reference"), scene, Settings("balanced", 1 / 60))
-    return turn.inv().apply(recording.position[:, 1])
-
-
 @pytest.mark.parametrize("turn", [0.0, 0.7])
 @pytest.mark.parametrize("name", MOVING)
 def test_a_half_space_is_a_large_slab(name: str, turn: float) -> None:
     """Positions are those over a slab to a nanometre, on a level plane and where all is turned."""
-    expected = end_of(slab("floor", "wood"), MOVING[name], Rotation.identity())
+    expected = end_of(slab("floor", "wood"), MOVING[name], Rotation.identity(), 0.6)
     turned = Rotation.from_rotvec(turn * np.array((1.0, -0.5, 0.3)))
-    found = end_of(half_space("floor", "wood"), MOVING[name], turned)
+    found = end_of(half_space("floor", "wood"), MOVING[name], turned, 0.6)
     assert np.abs(found - expected).max() < 1e-9
 
 

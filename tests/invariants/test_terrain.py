@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import cos, sin
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from turned_floor import end_of
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import load
-from touchstone.scenarios.families.ellipsoid import quaternion
 from touchstone.scenarios.height_field import HeightField
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import (
@@ -82,32 +81,6 @@ def triangles(rng: np.random.Generator) -> Body:
     return Body("floor", "fixed", "wood", tuple(pieces))
 
 
-def end_of(floor: Body, body: Body, turn: Rotation) -> np.ndarray:
-    """Positions of a body over a floor, all turned, with gravity; turned back."""
-
-    def turned(one: Body) -> Body:
-        own = Rotation.from_quat(one.orientation, scalar_first=True)
-        return replace(
-            one,
-            position=vector(turn.apply(one.position)),
-            orientation=quaternion(turn * own),
-            linear_velocity=vector(turn.apply(one.linear_velocity)),
-            angular_velocity=vector(turn.apply(one.angular_velocity)),
-        )
-
-    scene = Scenario(
-        name="test",
-        summary="a test",
-        tags=(),
-        bodies=(turned(floor), turned(body)),
-        duration=1.2,
-        coefficients=(PairCoefficients("wood", "wood", 0.3, 0.5),),
-        gravity=vector(turn.apply((0.0, 0.0, -GRAVITY))),
-    )
-    recording = record(load("reference"), scene, Settings("balanced", 1 / 60))
-    return turn.inv().apply(recording.position[:, 1])
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", MOVING)
 def test_triangles_in_a_plane_are_the_plane(name: str, seed: int) -> None:
@@ -115,8 +88,8 @@ def test_triangles_in_a_plane_are_the_plane(name: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     floor = triangles(rng)
     turn = Rotation.identity() if seed == 0 else Rotation.random(random_state=seed)
-    expected = end_of(slab("floor", "wood"), MOVING[name], Rotation.identity())
-    assert np.abs(end_of(floor, MOVING[name], turn) - expected).max() < 1e-9
+    expected = end_of(slab("floor", "wood"), MOVING[name], Rotation.identity(), 1.2)
+    assert np.abs(end_of(floor, MOVING[name], turn, 1.2) - expected).max() < 1e-9
 
 
 RAMP, LENGTH, STANDING = 0.15, 2.0, (-0.5, 0.1, 0.1)
