@@ -148,9 +148,10 @@ def measure(engine: Engine, task: Variation) -> Effect:
 
 @cache
 def _cases(scenes: int) -> Mapping[str, Case]:
-    """All scenes: probes, driven and curved ones, the hardest level of each family that is possible, and
-    random ones."""
+    """All scenes: probes, driven and curved ones, joined ones with a truth, the hardest level of each family
+    that is possible, and random ones."""
     found = {one.name: Case(one) for tag in ("probe", "driven", "curved", "gallery") for one in tagged(tag)}
+    found |= {one.name: Case(one) for one in tagged("joints") if one.truths}
     for family in families().values():
         name = family.scene_name(family.levels[len(family.levels) // 2])
         found[name] = Case(*hard_scene(name))

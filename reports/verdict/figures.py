@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from math import inf, nan
+from math import dist, inf, nan
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.metrics.contacts.passages import UNBOUNDED, Motions, extent
+from touchstone.reports.metrics.contacts import passages
+from touchstone.reports.metrics.contacts.passages import Motions, extent
 from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.metrics.motion.energy import mechanical_energy, momentum_angular, momentum_linear
+from touchstone.reports.metrics.motion.joints import driving
 from touchstone.scenarios.avatar.kinematics import tracked_poses
+from touchstone.scenarios.body_joints import ALONG_AXIS, WORLD, spanning_trees
 from touchstone.scenarios.difficulty.checks import Checks, Wall
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import UNBOUNDED, UNMOVED, Scenario, Vector
 
 STATES = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
 UNIT = 1e-3
@@ -63,15 +66,17 @@ def reset_frame(context: Context) -> int | None:
 
 
 def available_energy(scenario: Scenario, below: Mapping[int, float]) -> float:
-    """Kinetic energy of simulated bodies at the start plus sum(m g h), with h the height of a centre of mass
-    over the lowest of their points [J].
+    """Kinetic energy of simulated bodies and energy of joints' springs at the start, plus sum(m g h), with h
+    the height of a centre of mass over the lowest of their points [J]; of a body that joints hold at least
+    the length of its `joint_paths`, by which it may fall.
 
     Args:
         below: distance of a body's lowest point below its centre, by body index; 0 without pieces [m].
     """
     g = np.array(scenario.acting_gravity)
     size = float(np.linalg.norm(g))
-    energy, heights = 0.0, {}
+    springs = (one for one in scenario.body_joints if one.type in ALONG_AXIS)
+    energy, heights = sum(one.stiffness * one.target**2 / 2 for one in springs), {}
     for k, body in enumerate(scenario.bodies):
         if body.kind != "simulated":
             continue
@@ -84,13 +89,35 @@ def available_energy(scenario: Scenario, below: Mapping[int, float]) -> float:
     if size == 0 or not heights:
         return energy
     bottom = min(height - below.get(k, 0.0) for k, height in heights.items())
-    return energy + sum(scenario.bodies[k].mass * size * (h - bottom) for k, h in heights.items())
+    held = joint_paths(scenario)
+    falls = {k: max(height - bottom, held.get(k, 0.0)) for k, height in heights.items()}
+    return energy + sum(scenario.bodies[k].mass * size * fall for k, fall in falls.items())
+
+
+def joint_paths(scenario: Scenario) -> dict[int, float]:
+    """Length of the way along the joints of its tree from an unmoved body or the world to the centre of mass
+    of each simulated body that they hold, by body index [m]: it stays as near to the joint that holds it."""
+    held = {WORLD: 0.0} | {body.name: 0.0 for body in scenario.bodies if body.kind in UNMOVED}
+    anchors: dict[str, Vector] = {}
+    found = {}
+    for joint in spanning_trees(scenario)[0]:
+        travel = joint.upper - joint.lower if joint.type == "slider" else 0.0
+        if joint.parent not in held or travel >= UNBOUNDED:
+            continue
+        way = dist(anchors.get(joint.parent, joint.anchor), joint.anchor)
+        held[joint.child], anchors[joint.child] = held[joint.parent] + way + travel, joint.anchor
+        k = scenario.body_index(joint.child)
+        body = scenario.bodies[k]
+        turned = Rotation.from_quat(body.orientation, scalar_first=True)
+        center = np.array(body.position) + turned.apply(body.center_of_mass)
+        found[k] = held[joint.child] + dist(center, joint.anchor)
+    return found
 
 
 def energy_change(context: Context) -> tuple[float, float]:
     """Largest gain and largest loss of the energy of simulated bodies since the start over the available
     energy [1]; NaN where a driver does work."""
-    if context.scenario.trackers or not context.simulated:
+    if context.scenario.trackers or not context.simulated or driving(context.scenario):
         return nan, nan
     energy = mechanical_energy(context, context.simulated)
     inner = {k: max(radius, LEAST_HEIGHT) for k, radius in inner_radii(context).items()}
@@ -150,7 +177,7 @@ def depths(context: Context) -> dict[tuple[int, int], Array]:
     found = {}
     for pair, distance in context.distances.distance.items():
         depth = np.maximum(0.0, -distance)
-        found[pair] = np.where(depth < UNBOUNDED, depth, inf)
+        found[pair] = np.where(depth < passages.UNBOUNDED, depth, inf)
     return found
 
 

@@ -30,6 +30,7 @@ from touchstone.reports.metrics.contacts.overlap import overlap_depth
 from touchstone.reports.metrics.contacts.passages import UNBOUNDED, passages
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import STORING, drive_work, energy_rise, mechanical_energy
+from touchstone.reports.metrics.motion.joints import driving
 from touchstone.reports.verdict import figures as measures
 from touchstone.reports.verdict.figures import available_energy, finite, momentum_change
 from touchstone.scenarios.avatar.tracking import sample
@@ -393,7 +394,7 @@ def _energies(context: Context, depth: Array, u: float) -> tuple[float, float]:
 
     A soft contact stores energy: a frame that starts deeper than STORING does not count as a rise.
     """
-    if context.drives.any():
+    if context.drives.any() or driving(context.scenario):
         return nan, nan
     energy = mechanical_energy(context, context.simulated)
     rises = np.where(depth[:-1] > STORING, 0.0, np.diff(energy))

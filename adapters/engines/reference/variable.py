@@ -83,6 +83,8 @@ MECHANISMS: tuple[Mechanism, ...] = (
     Mechanism("spin of free islands", "contact.island_motion", "keep_spin"),
     Mechanism("curved contacts", "continuous.contact_motion", "is_curved", "False"),
     Mechanism("end correction", "contact.end_correction", "correct_ends", "0.0"),
+    Mechanism("motion under solved forces", "continuous.mechanism_motion", "follow_forces", "0.0"),
+    Mechanism("stiff joints implicitly", "continuous.mechanism_flow", "_is_stiff", "False"),
     Mechanism("faces without prediction", "contact.resting_contact", "_except_faces"),
     Mechanism("law of positions", "contact.resting_contact", "_solve_positions"),
     Mechanism("limits of hinges as rows", "contact.resting_contact", "_find_limits", "False"),
