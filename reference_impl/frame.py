@@ -35,7 +35,11 @@ from touchstone.reference_impl.continuous.driver_motion import begin_driver, set
 from touchstone.reference_impl.continuous.first_impact import earliest_impact
 from touchstone.reference_impl.continuous.free_rotation import refresh_inertia
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
-from touchstone.reference_impl.continuous.mechanism_motion import start_mechanism
+from touchstone.reference_impl.continuous.mechanism_motion import (
+    note_touched,
+    start_mechanism,
+    weigh_for_impact,
+)
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs, may_touch
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
@@ -235,10 +239,14 @@ def _simulate(world):
     for _ in range(EVENT_CAP):
         time, halvings = state["dt"] - left, state["halvings"]
         touching, h = gather_contacts(world, left)
+        if state["mechanisms"] == 1:
+            note_touched(bodies, drivers, pairs, touching)
         # the inertia of a driver affects only its contacts
         for d in range(len(drivers)):
             if drivers[d]["loops"] == 1 and (touching > 0 or has_limits(joints, drivers[d])):
                 weigh_hinges(bodies, joints, drivers[d])
+                if drivers[d]["mechanism"] == 1:
+                    weigh_for_impact(bodies, joints, drivers[d], h)
         # impacts change velocities instantly; forces and resting contacts act over the substep
         start = clock(state["clock"])
         if not resolve_impacts(world, touching, time, h):

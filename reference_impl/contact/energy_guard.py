@@ -191,10 +191,8 @@ def _sum_up(bodies, joints, drivers, pair, state):
 def _sum_mechanism(bodies, joints, driver, island, state):
     """Add the bodies and springs of a mechanism to the sums of an island, unless they are in them."""
     if bodies[driver["root"]]["guard"]["state"] == GUARD_UNVISITED:
-        island["rise"] += spring_energy(joints, driver)
-        if driver["stiff"] == 0:
-            island["rise"] -= max(0.0, driver["work"])
-            island["work"] += min(0.0, driver["work"])
+        island["rise"] += spring_energy(joints, driver) - max(0.0, driver["work"])
+        island["work"] += min(0.0, driver["work"])
         _hold(island, joints, driver)
         for k in range(driver["joint_count"]):
             _add_body(island, bodies[joints[driver["first_joint"] + k]["child"]], state)
@@ -218,18 +216,12 @@ def _add_body(island, body, state):
 
 @kernel
 def _hold(island, joints, driver):
-    """Note whether joints hold a mechanism at the world, and whether limits may take energy from it.
-
-    Of joints that are too stiff for the substep the work under contact forces is not known: dampers may take
-    energy, and what motors drive is not judged.
-    """
-    if driver["limited"] + driver["stiff"] > 0:
+    """Note whether joints hold a mechanism at the world, and whether limits may take energy from it."""
+    if driver["limited"] == 1:
         island["limited"] = 1
     for k in range(
         driver["first_joint"], driver["first_joint"] + driver["joint_count"] + driver["loop_count"]
     ):
-        if driver["stiff"] == 1 and joints[k]["target_rate"] != 0:
-            island["driven"] = 1
         if joints[k]["parent"] < 0 and joints[k]["type"] != JOINT_FREE:
             for i in range(3):
                 if island["grounded"] == 1 and abs(island["carrier"][i]) > SAME_VELOCITY:

@@ -37,9 +37,10 @@ from touchstone.reference_impl.kinematics.mechanism import (
 
 DEPENDENT = 1e-6
 """Part of a constraint that others do not imply below which it is redundant [1]: rounding of close angles."""
-LEAST_ANSWER = 1 / 64
-"""Least response of a joint with a spring over that without it [1]: one that swings within a substep may have
-none at its end."""
+HELD = 2.5
+"""Rate of a joint's spring and damper times the length of a substep [rad] from which contact and limits meet
+it as a force that is even over the substep: of that of contact, its rate at the end would tell less than a
+quarter."""
 CLOSINGS = 3
 """Newton's iterations that close loops: each squares the error."""
 
@@ -96,6 +97,8 @@ def answer_step(joints, driver, h):
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
         joint["answer"] = 0.0
+        if joint["held"] == 1:
+            continue
         if joint["type"] == JOINT_BALL:
             joint["answer"] = h * joint["damping"]
         elif _is_free(joint, driver):
@@ -113,6 +116,9 @@ def answer_forces(bodies, joints, driver, h, lead):
     found = False
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
+        if joint["held"] == 1:
+            found = True
+            continue
         joint["answer"] = 0.0
         if joint["type"] != JOINT_BALL and not _is_free(joint, driver):
             continue
@@ -120,13 +126,117 @@ def answer_forces(bodies, joints, driver, h, lead):
             continue
         found = True
         m = joint_mobility(joint, driver)
-        share = _answer(joint["stiffness"] * m, joint["damping"] * m, h, lead)
         if m > 0:
-            joint["answer"] = (1 / max(share, LEAST_ANSWER) - 1) / m
+            share = _answer(joint["stiffness"] * m, joint["damping"] * m, h, lead)
+            joint["answer"] = (1 / share - 1) / m
     if found:
-        driver["stiffened"] = 1
-        weigh_mechanism(bodies, joints, driver)
-        driver["stiffened"] = 0
+        weigh_answers(bodies, joints, driver)
+
+
+@kernel
+def weigh_answers(bodies, joints, driver):
+    """`weigh_mechanism` with the answers of springs and dampers."""
+    driver["stiffened"] = 1
+    weigh_mechanism(bodies, joints, driver)
+    driver["stiffened"] = 0
+
+
+@kernel
+def has_springs(joints, driver):
+    """Whether a joint of a mechanism's tree has a spring or a damper."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        if joints[k]["stiffness"] + joints[k]["damping"] > 0:
+            return True
+    return False
+
+
+@kernel
+def hold_joints(joints, driver, h):
+    """Find the joints whose springs and dampers are too fast for a substep of length h (HELD), of a mechanism
+    that is weighed without answers, and set their answers (`answer_lacks`); their forces begin at 0, or at
+    their largest."""
+    driver["held"] = 0
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint, stiffness, damping = joints[k], joints[k]["stiffness"], joints[k]["damping"]
+        joint["held"], joint["answer"] = 0, 0.0
+        if joint["width"] > 0 and stiffness + damping > 0:
+            m = joint_mobility(joint, driver)
+            if h * (damping * m + sqrt(stiffness * m)) > HELD:
+                joint["held"] = driver["held"] = 1
+                for j in range(joint["width"]):
+                    c, force = joint["coordinate"] + j, _asked_force(joint, driver, j)
+                    full = abs(force) >= joint["largest_force"]
+                    driver["held_force"][c] = 0.0
+                    _change_force(joint, driver, c, force if full else 0.0, h)
+
+
+@kernel
+def drop_holds(joints, driver):
+    """Let the forces of all joints follow their positions and rates."""
+    driver["held"] = 0
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["held"] = 0
+
+
+@kernel
+def note_lacks(joints, driver):
+    """Store by how much the even force of each held joint lacks that of its position and rate, up to its
+    largest if it was that, in `lacks`."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint, c = joints[k], joints[k]["coordinate"]
+        for j in range(joint["width"] if joint["held"] == 1 else 0):
+            force = _own_force(joint, driver, j) if joint["answer"] == 0 else _asked_force(joint, driver, j)
+            driver["lacks"][c + j] = force - driver["held_force"][c + j]
+
+
+@kernel
+def answer_lacks(bodies, joints, driver, h):
+    """Change the even forces of held joints to those of their positions and rates at the end of a substep of
+    length h; weighs the mechanism with the answers of its joints.
+
+    By a force even over h a rate changes by x and its position by h x / 2: springs and dampers answer by the
+    inertia h D + h^2 K / 2, by none where the force is its largest.
+
+    Returns:
+        Largest change of a rate times h [m or rad].
+    """
+    x, count, most = driver["force"], driver["hinge_count"], 0.0
+    weigh_answers(bodies, joints, driver)
+    for i in range(count):
+        x[i] = 0.0
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        for c in range(joints[k]["coordinate"], joints[k]["coordinate"] + joints[k]["width"]):
+            if joints[k]["held"] == 1:
+                x[c] = h * driver["lacks"][c]
+    solve_lower(driver["hinge_factor"], count, x)
+    keep_loops(driver, x)
+    solve_upper(driver["hinge_factor"], count, x)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        for c in range(joints[k]["coordinate"], joints[k]["coordinate"] + joints[k]["width"]):
+            if joints[k]["held"] == 1:
+                _change_force(joints[k], driver, c, driver["lacks"][c] - joints[k]["answer"] * x[c] / h, h)
+    for i in range(count):
+        most = max(most, h * abs(x[i]))
+    return most
+
+
+@kernel
+def answer_gains(joints, driver, h):
+    """Change the even forces of held joints by their answers to `gains`, less `known_gains`."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        for c in range(joints[k]["coordinate"], joints[k]["coordinate"] + joints[k]["width"]):
+            if joints[k]["held"] == 1:
+                gain = driver["gains"][c] - driver["known_gains"][c]
+                _change_force(joints[k], driver, c, -joints[k]["answer"] * gain / h, h)
+
+
+@kernel
+def _change_force(joint, driver, c, change, h):
+    """Change the even force of a held joint along rate c, up to its largest: there it does not answer."""
+    force, most = driver["held_force"][c] + change, joint["largest_force"]
+    driver["held_force"][c] = min(max(force, -most), most)
+    answers = joint["width"] > 1 or abs(force) < most
+    joint["answer"] = h * joint["damping"] + h * h / 2 * joint["stiffness"] if answers else 0.0
 
 
 @kernel
@@ -162,9 +272,7 @@ def _is_free(joint, driver):
     """Whether a joint's own force is below its largest."""
     if joint["width"] != 1:
         return False
-    x, rate = driver["positions"][joint["place"]], driver["rates"][joint["coordinate"]]
-    force = joint["stiffness"] * (joint["target"] - x) + joint["damping"] * (joint["target_rate"] - rate)
-    return abs(force) < joint["largest_force"]
+    return abs(_asked_force(joint, driver, 0)) < joint["largest_force"]
 
 
 @kernel
@@ -374,7 +482,8 @@ def set_slope(bodies, joints, driver, out_slope):
         joint = joints[k]
         for j in range(joint["width"]):
             force[joint["coordinate"] + j] = _power(joint["columns"][j], joint["pull"], joint["torque"])
-        _add_own_force(joint, driver)
+            if joint["type"] != JOINT_FREE:
+                force[joint["coordinate"] + j] += _present_force(joint, driver, j)
         if joint["inner"] >= 0:
             inner = joints[joint["inner"]]
             for i in range(3):
@@ -401,8 +510,15 @@ def set_slope(bodies, joints, driver, out_slope):
 @kernel
 def joint_force(joint, position, rate):
     """Force or torque of a joint's spring, damper or motor along its axis."""
-    x = joint["stiffness"] * (joint["target"] - position) + joint["damping"] * (joint["target_rate"] - rate)
-    return min(max(x, -joint["largest_force"]), joint["largest_force"])
+    most = joint["largest_force"]
+    return min(max(_unbounded_force(joint, position, rate), -most), most)
+
+
+@kernel
+def _unbounded_force(joint, position, rate):
+    return joint["stiffness"] * (joint["target"] - position) + joint["damping"] * (
+        joint["target_rate"] - rate
+    )
 
 
 @kernel
@@ -413,22 +529,35 @@ def joint_power(joints, driver):
         joint, c = joints[k], joints[k]["coordinate"]
         if joint["type"] == JOINT_BALL:
             for j in range(3):
-                power -= joint["damping"] * rates[c + j] ** 2
-        elif joint["width"] == 1 and joint["damping"] != 0:
+                power += _present_force(joint, driver, j) * rates[c + j]
+        elif joint["width"] == 1 and (joint["damping"] != 0 or joint["held"] == 1):
             most, x = joint["largest_force"], driver["positions"][joint["place"]]
             spring = min(max(joint["stiffness"] * (joint["target"] - x), -most), most)
-            power += (joint_force(joint, x, rates[c]) - spring) * rates[c]
+            power += (_present_force(joint, driver, 0) - spring) * rates[c]
     return power
 
 
 @kernel
-def _add_own_force(joint, driver):
-    c, force = joint["coordinate"], driver["force"]
-    if joint["type"] == JOINT_BALL:
-        for j in range(3):
-            force[c + j] -= joint["damping"] * driver["rates"][c + j]
-    elif joint["width"] == 1:
-        force[c] += joint_force(joint, driver["positions"][joint["place"]], driver["rates"][c])
+def _own_force(joint, driver, j):
+    """Force of a joint of the tree along its rate j, at its position and rate."""
+    return min(max(_asked_force(joint, driver, j), -joint["largest_force"]), joint["largest_force"])
+
+
+@kernel
+def _asked_force(joint, driver, j):
+    """`_own_force` without bounds."""
+    rate = driver["rates"][joint["coordinate"] + j]
+    if joint["width"] == 1:
+        return _unbounded_force(joint, driver["positions"][joint["place"]], rate)
+    return -joint["damping"] * rate
+
+
+@kernel
+def _present_force(joint, driver, j):
+    """Force of a joint of the tree along its rate j: even, if it is held."""
+    if joint["held"] == 1:
+        return driver["held_force"][joint["coordinate"] + j]
+    return _own_force(joint, driver, j)
 
 
 @kernel

@@ -35,14 +35,13 @@ ENOUGH_COLUMNS = 4
 def flow(bodies, joints, driver, time):
     """Advance a mechanism from its positions and rates by a time [s] under its known forces.
 
-    Sets `work` and `stiff`.
+    Sets `work`.
     """
     pose_mechanism(bodies, joints, driver)
     move_mechanism(bodies, joints, driver)
     weigh_mechanism(bodies, joints, driver)
-    driver["work"], driver["stiff"] = 0.0, 0
+    driver["work"] = 0.0
     if _is_stiff(joints, driver, time):
-        driver["stiff"] = 1
         _flow_implicitly(bodies, joints, driver, time)
     else:
         _flow_explicitly(bodies, joints, driver, time)
@@ -52,10 +51,10 @@ def flow(bodies, joints, driver, time):
 
 @kernel
 def _is_stiff(joints, driver, time):
-    """Whether a spring or damper is too stiff for the explicit method over a time [s]."""
+    """Whether a spring or damper that is not held is too stiff for the explicit method over a time [s]."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         stiffness, damping = joints[k]["stiffness"], joints[k]["damping"]
-        if joints[k]["width"] > 0 and stiffness + damping > 0:
+        if joints[k]["held"] == 0 and joints[k]["width"] > 0 and stiffness + damping > 0:
             m = joint_mobility(joints[k], driver)
             if time * (damping * m + sqrt(stiffness * m)) > STIFF:
                 return True

@@ -19,7 +19,17 @@ from touchstone.reference_impl.continuous.hinge_motion import (
 )
 from touchstone.reference_impl.continuous.mechanism_dynamics import (
     answer_forces,
+    answer_gains,
+    answer_lacks,
     close_loops,
+    drop_holds,
+    has_springs,
+    hold_joints,
+    keep_loops,
+    note_lacks,
+    solve_lower,
+    solve_upper,
+    weigh_answers,
     weigh_mechanism,
 )
 from touchstone.reference_impl.continuous.mechanism_flow import flow
@@ -35,6 +45,10 @@ from touchstone.reference_impl.kinematics.mechanism import (
     pose_bodies,
     pose_mechanism,
 )
+
+HOLD_ROUNDS = 8
+"""Most motions of a substep until the even forces of held joints are those at its end: each squares the error
+but for rotation."""
 
 
 @kernel
@@ -88,16 +102,49 @@ def show_rates(joints, driver):
 
 
 @kernel
+def note_touched(bodies, drivers, pairs, count):
+    """Note on which mechanisms the contacts `pairs[:count]` act."""
+    for d in range(len(drivers)):
+        drivers[d]["touches"] = 0
+    for k in range(count):
+        for b in (pairs[k]["body_a"], pairs[k]["body_b"]):
+            if bodies[b]["driver"] >= 0:
+                drivers[bodies[b]["driver"]]["touches"] = 1
+
+
+@kernel
+def is_pressed(joints, driver):
+    """Whether contacts or limits act on a mechanism."""
+    return driver["touches"] == 1 or has_limits(joints, driver)
+
+
+@kernel
+def weigh_for_impact(bodies, joints, driver, h):
+    """Let the joints that are too fast for a time h answer impacts as they answer forces over h."""
+    if has_springs(joints, driver):
+        hold_joints(joints, driver, h)
+        if driver["held"] == 1:
+            weigh_answers(bodies, joints, driver)
+
+
+@kernel
 def _find_end(bodies, joints, driver, h):
     """Set `end_*` of a substep of length h under the known forces."""
     driver["at_middle"], driver["end_time"] = 0, h
-    _return(driver)
-    flow(bodies, joints, driver, h)
-    driver["end_work"] = driver["work"]
-    for i in range(driver["position_count"]):
-        driver["end_positions"][i] = driver["positions"][i]
-    for i in range(driver["hinge_count"]):
-        driver["end_rates"][i] = driver["rates"][i] - driver["known_gains"][i]
+    for _ in range(HOLD_ROUNDS):
+        _return(driver)
+        flow(bodies, joints, driver, h)
+        driver["end_work"] = driver["work"]
+        for i in range(driver["position_count"]):
+            driver["end_positions"][i] = driver["positions"][i]
+        for i in range(driver["hinge_count"]):
+            driver["end_rates"][i] = driver["rates"][i] - driver["known_gains"][i]
+        if driver["held"] == 0:
+            break
+        note_lacks(joints, driver)
+        _pose_middle(bodies, joints, driver)
+        if answer_lacks(bodies, joints, driver, h) <= driver["step_error"]:
+            break
 
 
 @kernel
@@ -117,8 +164,7 @@ def note_forces(driver, h):
 
 @kernel
 def follow_forces(bodies, joints, driver, h):
-    """Let a mechanism move over its substep of length h under the forces that were solved, unless it is
-    stiff: then it answers their change otherwise than the solver knows.
+    """Let a mechanism move over its substep of length h under the forces that were solved.
 
     Returns:
         How far its bodies end from where its gains lead, without that of their law of positions: the root
@@ -128,12 +174,18 @@ def follow_forces(bodies, joints, driver, h):
     known = True
     for i in range(count):
         known = known and driver["gains"][i] == driver["known_gains"][i]
-    if known or driver["stiff"] == 1:
+    if known:
         return 0.0
+    if driver["held"] == 1:
+        answer_gains(joints, driver, h)
     for i in range(count):
         before[i] = driver["end_rates"][i]
         driver["known_force"][i], driver["known_gains"][i] = driver["solved_force"][i], driver["gains"][i]
+    if driver["has_path"] == 1:
+        _answer_known(driver, h, 1.0)
     _find_end(bodies, joints, driver, h)
+    if driver["held"] == 1:
+        weigh_mechanism(bodies, joints, driver)
     energy = mass = 0.0
     for i in range(count):
         y = 0.0
@@ -173,10 +225,18 @@ def coast_mechanism(bodies, joints, driver, h, lead):
     """Set a mechanism's velocities by its rates after a time h without impulses, and its response, at its
     poses in the middle of that time; its bodies are posed at the start of the substep. `lead` is 1 in the law
     of positions, and 0 of a substep without contacts and limits, which asks for no response."""
-    count = driver["hinge_count"]
-    if driver["end_time"] != h:
+    count, holds = driver["hinge_count"], 1 if lead > 0 and is_pressed(joints, driver) else 0
+    if driver["end_time"] != h or driver["holds"] != holds:
         for i in range(count):
             driver["known_force"][i] = driver["known_gains"][i] = 0.0
+        driver["holds"] = holds
+        if holds == 1 and has_springs(joints, driver):
+            _return(driver)
+            pose_mechanism(bodies, joints, driver)
+            weigh_mechanism(bodies, joints, driver)
+            hold_joints(joints, driver, h)
+        else:
+            drop_holds(joints, driver)
         _find_end(bodies, joints, driver, h)
     if lead == 1 or (lead > 0 and driver["at_middle"] == 0):
         _pose_middle(bodies, joints, driver)
@@ -184,6 +244,7 @@ def coast_mechanism(bodies, joints, driver, h, lead):
         answer_forces(bodies, joints, driver, h, lead)
         # of the law of positions it is another
         driver["at_middle"] = 0 if lead == 1 else 1
+        _answer_known(driver, h, lead)
     for i in range(count):
         driver["gains"][i] = 0.0
         if lead < 1:
@@ -197,10 +258,25 @@ def coast_mechanism(bodies, joints, driver, h, lead):
         if joint["width"] == 1:
             way = driver["end_positions"][joint["place"]] - joint["angle"]
             joint["old_rate"], joint["rate"] = joint["rate"], driver["end_rates"][joint["coordinate"]]
-            lead_rate = 2 * way / h - driver["known_gains"][joint["coordinate"]] - joint["rate"]
+            lead_rate = 2 * way / h - driver["known_path"][joint["coordinate"]] - joint["rate"]
             joint["lead_rate"] = lead_rate if lead == 1 else 0.0
     driver["lasting"], driver["hinge_share"] = 1, 1.0
     ask_limits(joints, driver, lead, h)
+
+
+@kernel
+def _answer_known(driver, h, lead):
+    """Set the changes of rates by `known_force` as a law takes them: by its response to other forces."""
+    x, known = driver["force"], driver["known_path"] if lead == 1 else driver["known_gains"]
+    for i in range(driver["hinge_count"]):
+        x[i] = h * driver["known_force"][i]
+    solve_lower(driver["hinge_factor"], driver["hinge_count"], x)
+    keep_loops(driver, x)
+    solve_upper(driver["hinge_factor"], driver["hinge_count"], x)
+    for i in range(driver["hinge_count"]):
+        if lead < 1:
+            driver["end_rates"][i] += known[i] - x[i]
+        known[i] = x[i]
 
 
 @kernel
@@ -210,7 +286,7 @@ def _set_leads(bodies, joints, driver, h):
     x, rates = driver["force"], driver["end_rates"]
     find_way(bodies, joints, driver, driver["start_positions"], driver["end_positions"], x)
     for i in range(driver["hinge_count"]):
-        x[i] = 2 * x[i] / h - driver["known_gains"][i] - rates[i]
+        x[i] = 2 * x[i] / h - driver["known_path"][i] - rates[i]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         bodies[joints[k]["child"]]["velocity"][:] = bodies[joints[k]["child"]]["omega"][:] = 0.0
     add_velocities(bodies, joints, driver, x)
@@ -224,13 +300,15 @@ def _set_leads(bodies, joints, driver, h):
 def keep_mechanism_in_limits(joints, driver, h):
     """Make rows of the limits that a mechanism's joints leave in its substep of length h; returns whether any
     is new."""
-    gains = driver["path_gains"] if driver["has_path"] == 1 else driver["gains"]
+    gains, known = driver["gains"], driver["known_gains"]
+    if driver["has_path"] == 1:
+        gains, known = driver["path_gains"], driver["known_path"]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
         if joint["width"] == 1:
             end = driver["end_positions"][joint["place"]]
             c = joint["coordinate"]
-            joint["angle"] = end + h / 2 * (gains[c] - driver["known_gains"][c])
+            joint["angle"] = end + h / 2 * (gains[c] - known[c])
     found = find_limits(joints, driver)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         if joints[k]["width"] == 1:
@@ -340,7 +418,9 @@ def _reach(bodies, joints, driver, s, h):
     """Pose a mechanism at the fraction s of its substep of length h, and set its rates there."""
     driver["at_middle"] = 0
     known, gains, any_gain = driver["known_gains"], driver["gains"], False
-    path, x = driver["path_gains"] if driver["has_path"] == 1 else gains, driver["hinge_response"]
+    path, known_path, x = gains, known, driver["hinge_response"]
+    if driver["has_path"] == 1:
+        path, known_path = driver["path_gains"], driver["known_path"]
     if s == 1 and driver["end_time"] == h:
         driver["work"] = driver["end_work"]
         for i in range(driver["position_count"]):
@@ -354,7 +434,7 @@ def _reach(bodies, joints, driver, s, h):
         for i in range(driver["hinge_count"]):
             driver["rates"][i] += s * (gains[i] - known[i])
     for i in range(driver["hinge_count"]):
-        x[i] = path[i] - known[i]
+        x[i] = path[i] - known_path[i]
         any_gain = any_gain or x[i] != 0 or gains[i] != known[i]
     if any_gain:
         add_rates(bodies, joints, driver, x, s * s * h / 2)
