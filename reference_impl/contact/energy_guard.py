@@ -19,7 +19,7 @@ from math import sqrt
 from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.contact.separation import kinetic_energy
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
-from touchstone.reference_impl.continuous.mechanism_motion import spring_energy, take_velocities
+from touchstone.reference_impl.continuous.mechanism_motion import has_motor, spring_energy, take_velocities
 from touchstone.reference_impl.core.conventions import (
     ENERGY_ROUNDING,
     GUARD_SLOWED,
@@ -191,7 +191,9 @@ def _sum_up(bodies, joints, drivers, pair, state):
 def _sum_mechanism(bodies, joints, driver, island, state):
     """Add the bodies and springs of a mechanism to the sums of an island, unless they are in them."""
     if bodies[driver["root"]]["guard"]["state"] == GUARD_UNVISITED:
-        island["rise"] += spring_energy(joints, driver) - max(0.0, driver["work"])
+        island["rise"] += spring_energy(joints, driver)
+        if has_motor(joints, driver):
+            island["rise"] -= max(0.0, driver["work"])
         island["work"] += min(0.0, driver["work"])
         _hold(island, joints, driver)
         for k in range(driver["joint_count"]):

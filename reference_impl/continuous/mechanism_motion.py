@@ -241,7 +241,8 @@ def coast_mechanism(bodies, joints, driver, h, lead):
     if lead == 1 or (lead > 0 and driver["at_middle"] == 0):
         _pose_middle(bodies, joints, driver)
         weigh_mechanism(bodies, joints, driver)
-        answer_forces(bodies, joints, driver, h, lead)
+        if holds == 1:
+            answer_forces(bodies, joints, driver, h, lead)
         # of the law of positions it is another
         driver["at_middle"] = 0 if lead == 1 else 1
         _answer_known(driver, h, lead)
@@ -347,6 +348,16 @@ def take_gains(bodies, joints, driver):
     add_velocities(bodies, joints, driver, x)
     if driver["lasting"] == 0:
         show_rates(joints, driver)
+
+
+@kernel
+def has_motor(joints, driver):
+    """Whether a joint of a mechanism has a motor, which may add energy."""
+    end = driver["first_joint"] + driver["joint_count"] + driver["loop_count"]
+    for k in range(driver["first_joint"], end):
+        if joints[k]["target_rate"] != 0:
+            return True
+    return False
 
 
 @kernel
