@@ -15,6 +15,7 @@ from math import sqrt
 
 from touchstone.reference_impl.contact.contact_log import log_held, note_moment_work
 from touchstone.reference_impl.contact.island_impact import strike_together
+from touchstone.reference_impl.continuous.mechanism_motion import slow_joints
 from touchstone.reference_impl.core.conventions import APPROACH_MIN, NO_FLOOR
 from touchstone.reference_impl.core.counters import COUNT_OPEN_SOLVES
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
@@ -73,12 +74,15 @@ def resolve_impacts(world, count, time, h):
         if not _find_impacts(bodies, pairs, count, v_rest, together, state):
             done = True
             break
+        if k == 0 and slow_held(bodies, joints, drivers, state):
+            _find_impacts(bodies, pairs, count, v_rest, together, state)
         strike_together(bodies, joints, drivers, pairs, count, state)
         if state["moments"] == 1:
             note_moment_work(bodies, pairs, count, 1.0, state)
         log_held(bodies, pairs, count, contacts, state, time)
     k = _fastest_row(bodies, pairs, count, state)
     if k >= 0 and pairs[k]["key"] * h > SETTLE_DEPTH:
+        slow_held(bodies, joints, drivers, state)
         for row in range(count):
             begin_row(bodies, pairs[row], -pairs[row]["speculative_speed"])
         state["settling"] = DENSE_SETTLE / h if state["dense_substep"] == 1 else 0.0
@@ -91,6 +95,16 @@ def resolve_impacts(world, count, time, h):
         # joints that have reached a limit stop there
         solve_contacts(bodies, joints, drivers, pairs, 0, False, state)
     return done
+
+
+@kernel
+def slow_held(bodies, joints, drivers, state):
+    """`slow_joints` of all mechanisms; returns whether any joint was held."""
+    found = False
+    for d in range(state["driven_count"], len(drivers)):
+        slow_joints(bodies, joints, drivers[d])
+        found = found or drivers[d]["held"] == 1
+    return found
 
 
 @inlined_kernel

@@ -120,11 +120,31 @@ def is_pressed(joints, driver):
 
 @kernel
 def weigh_for_impact(bodies, joints, driver, h):
-    """Let the joints that are too fast for a time h answer impacts as they answer forces over h."""
-    if has_springs(joints, driver):
+    """Let the joints of a pressed mechanism that are too fast for a time h answer impacts as they answer forces
+    over h."""
+    driver["held"] = 0
+    if is_pressed(joints, driver) and has_springs(joints, driver):
         hold_joints(joints, driver, h)
         if driver["held"] == 1:
             weigh_answers(bodies, joints, driver)
+
+
+@kernel
+def slow_joints(bodies, joints, driver):
+    """Slow the held joints by their answers to their own rates, before an impact: it then takes no energy
+    from what holds them."""
+    if driver["held"] == 0:
+        return
+    x = driver["hinge_response"]
+    for i in range(driver["hinge_count"]):
+        x[i] = 0.0
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        for c in range(joints[k]["coordinate"], joints[k]["coordinate"] + joints[k]["width"]):
+            x[c] = -joints[k]["answer"] * driver["rates"][c]
+    solve_lower(driver["hinge_factor"], driver["hinge_count"], x)
+    keep_loops(driver, x)
+    solve_upper(driver["hinge_factor"], driver["hinge_count"], x)
+    take_gains(bodies, joints, driver)
 
 
 @kernel
