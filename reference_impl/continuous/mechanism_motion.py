@@ -120,7 +120,7 @@ def is_pressed(joints, driver):
 
 @kernel
 def weigh_for_impact(bodies, joints, driver, h):
-    """Let the joints of a pressed mechanism that are too fast for a time h answer impacts as they answer forces
+    """Let the joints of a pressed mechanism that are too fast for a time h answer impacts as they do forces
     over h."""
     driver["held"] = 0
     if is_pressed(joints, driver) and has_springs(joints, driver):
