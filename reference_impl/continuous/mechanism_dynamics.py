@@ -180,22 +180,30 @@ def drop_holds(joints, driver):
 
 @kernel
 def note_lacks(joints, driver):
-    """Store by how much the even force of each held joint lacks that of its position and rate, up to its
-    largest if it was that, in `lacks`."""
+    """Store in `lacks` by how much the even force of each held joint lacks that of its mean position and of
+    its rate at the end of the substep, where the mechanism is; up to its largest, if it was that.
+
+    So springs keep their energy, and dampers stop what is fast.
+    """
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint, c = joints[k], joints[k]["coordinate"]
         for j in range(joint["width"] if joint["held"] == 1 else 0):
-            force = _own_force(joint, driver, j) if joint["answer"] == 0 else _asked_force(joint, driver, j)
+            force, most = _asked_force(joint, driver, j), joint["largest_force"]
+            if joint["width"] == 1:
+                moved = driver["positions"][joint["place"]] - driver["start_positions"][joint["place"]]
+                force += joint["stiffness"] * moved / 2
+            if joint["answer"] == 0:
+                force = min(max(force, -most), most)
             driver["lacks"][c + j] = force - driver["held_force"][c + j]
 
 
 @kernel
 def answer_lacks(bodies, joints, driver, h):
-    """Change the even forces of held joints to those of their positions and rates at the end of a substep of
-    length h; weighs the mechanism with the answers of its joints.
+    """Change the even forces of held joints by what they lack at the end of a substep of length h; weighs the
+    mechanism with the answers of its joints.
 
-    By a force even over h a rate changes by x and its position by h x / 2: springs and dampers answer by the
-    inertia h D + h^2 K / 2, by none where the force is its largest.
+    By a force even over h a rate changes by x and the mean position by h x / 4: springs and dampers answer by
+    the inertia h D + h^2 K / 4, by none where the force is its largest.
 
     Returns:
         Largest change of a rate times h [m or rad].
@@ -236,7 +244,7 @@ def _change_force(joint, driver, c, change, h):
     force, most = driver["held_force"][c] + change, joint["largest_force"]
     driver["held_force"][c] = min(max(force, -most), most)
     answers = joint["width"] > 1 or abs(force) < most
-    joint["answer"] = h * joint["damping"] + h * h / 2 * joint["stiffness"] if answers else 0.0
+    joint["answer"] = h * joint["damping"] + h * h / 4 * joint["stiffness"] if answers else 0.0
 
 
 @kernel
