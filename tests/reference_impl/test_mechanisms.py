@@ -312,15 +312,55 @@ def test_what_is_too_stiff_for_explicit_steps_stays_where_it_is(stiffness: float
     assert np.abs(motion.position[:, 0, 2]).max() < 1e-6
 
 
-def test_a_bound_that_is_never_reached_changes_nothing() -> None:
-    """A trunk on a stiff ankle rocks on its foot: with and without a largest force it ends at one place."""
-    foot = rod("foot", (0.0, 0.0, 0.02), (0.15, 0.1, 0.02), mass=0.2)
-    trunk = rod("trunk", (0.05, 0.0, 0.4), (0.1, 0.1, 0.1), mass=5.0)
+def standing(stiffness: float, damping: float, foot: float, duration: float, **fields: object) -> Scenario:
+    """A trunk of 5 kg, 30 mm in front of its ankle, on a foot on the floor."""
+    sole = rod("foot", (0.0, 0.0, 0.02), (0.15, 0.1, 0.02), mass=foot)
+    trunk = rod("trunk", (0.03, 0.0, 0.4), (0.1, 0.1, 0.1), mass=5.0)
     ankle = BodyJoint("ankle", "hinge", "foot", "trunk", (0.0, 0.0, 0.04), Y)
-    servo = replace(ankle, stiffness=2000.0, damping=80.0)
-    bounded = replace(servo, largest_force=60.0)
-    ends = [play(scene([FLOOR, foot, trunk], [one], 1.0)).position[-1, 2] for one in (servo, bounded)]
-    assert np.linalg.norm(ends[0] - ends[1]) < 2e-5
+    ankle = replace(ankle, stiffness=stiffness, damping=damping, **fields)  # type: ignore[arg-type]
+    return scene([FLOOR, sole, trunk], [ankle], duration)
+
+
+@pytest.mark.parametrize("stiffness", [30.0, 1e3, 1e5, 1e8])
+def test_a_servo_holds_a_trunk_on_a_light_foot(stiffness: float) -> None:
+    """The foot stays where it is; the trunk follows its equation of motion to first order, and ends where the
+    torques are in balance."""
+    arm, lean = np.hypot(0.03, 0.36), np.arctan2(0.03, 0.36)
+    inertia = 5 * (arm**2 + 2 * 0.1**2 / 3)
+    damping = 2 * np.sqrt(stiffness * inertia)
+
+    def law(_: float, y: Array) -> tuple[float, float]:
+        torque = 5 * 9.81 * arm * np.sin(lean + y[0]) - stiffness * y[0] - damping * y[1]
+        return y[1], torque / inertia
+
+    times = np.arange(1, 121) / 60
+    true = solve_ivp(law, (0.0, 2.0), (0.0, 0.0), "Radau", times, rtol=1e-10, atol=1e-14).y[0]
+    way, errors = arm * (np.sin(lean + true) - np.sin(lean)), []
+    for n in (1, 2):
+        motion = play(standing(stiffness, damping, 0.2, 2.0), rate=60 * n)
+        assert np.abs(motion.position[:, 1] - (0.0, 0.0, 0.02)).max() < 1.1e-9
+        errors.append(np.abs(motion.position[n - 1 :: n, 2, 0] - 0.03 - way))
+    assert errors[0][-1] < 2e-3 * way[-1] + 1e-8
+    # in a step much longer than its own time, the servo reaches its end at once
+    if stiffness <= 1e3:
+        assert errors[0].max() < 0.1 * way[-1]
+        assert errors[1].max() < 0.55 * errors[0].max()
+
+
+def test_a_stiff_spring_on_a_standing_foot_keeps_its_energy() -> None:
+    scenario = standing(1e4, 0.0, 5.0, 2.0)
+    motion = play(scenario)
+    bent = 2 * np.arctan2(motion.orientation[:, 2, 2], motion.orientation[:, 2, 0])
+    total = energy(scenario, motion) + 1e4 * bent**2 / 2
+    assert np.ptp(bent) > 1e-4
+    assert np.ptp(total) < 1e-2 * 1e4 * bent.max() ** 2 / 2
+
+
+def test_a_bound_that_is_never_reached_changes_nothing() -> None:
+    free, bounded = (
+        play(standing(2000.0, 80.0, 0.2, 0.5, **fields)) for fields in ({}, {"largest_force": 60.0})
+    )
+    assert (free.position == bounded.position).all()
 
 
 def test_a_rod_on_a_hinge_rests_on_the_floor() -> None:
