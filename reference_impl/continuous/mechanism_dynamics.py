@@ -126,7 +126,9 @@ def answer_forces(bodies, joints, driver, h, lead):
             continue
         found = True
         m = joint_mobility(joint, driver)
-        if m > 0:
+        if _is_fast(joint, m, h):
+            joint["answer"] = _even_answer(joint, h)
+        elif m > 0:
             share = _answer(joint["stiffness"] * m, joint["damping"] * m, h, lead)
             joint["answer"] = (1 / share - 1) / m
     if found:
@@ -157,17 +159,28 @@ def hold_joints(joints, driver, h):
     their largest."""
     driver["held"] = 0
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joint, stiffness, damping = joints[k], joints[k]["stiffness"], joints[k]["damping"]
+        joint = joints[k]
         joint["held"], joint["answer"] = 0, 0.0
-        if joint["width"] > 0 and stiffness + damping > 0:
-            m = joint_mobility(joint, driver)
-            if h * (damping * m + sqrt(stiffness * m)) > HELD:
+        if joint["width"] > 0 and joint["stiffness"] + joint["damping"] > 0:
+            if _is_fast(joint, joint_mobility(joint, driver), h):
                 joint["held"] = driver["held"] = 1
                 for j in range(joint["width"]):
                     c, force = joint["coordinate"] + j, _asked_force(joint, driver, j)
                     full = abs(force) >= joint["largest_force"]
                     driver["held_force"][c] = 0.0
                     _change_force(joint, driver, c, force if full else 0.0, h)
+
+
+@kernel
+def _is_fast(joint, mobility, h):
+    """Whether a joint's spring and damper are too fast for a substep of length h (HELD)."""
+    return h * (joint["damping"] * mobility + sqrt(joint["stiffness"] * mobility)) > HELD
+
+
+@kernel
+def _even_answer(joint, h):
+    """Answer of a held joint (`answer_lacks`)."""
+    return h * joint["damping"] + h * h / 4 * joint["stiffness"]
 
 
 @kernel
@@ -244,7 +257,7 @@ def _change_force(joint, driver, c, change, h):
     force, most = driver["held_force"][c] + change, joint["largest_force"]
     driver["held_force"][c] = min(max(force, -most), most)
     answers = joint["width"] > 1 or abs(force) < most
-    joint["answer"] = h * joint["damping"] + h * h / 4 * joint["stiffness"] if answers else 0.0
+    joint["answer"] = _even_answer(joint, h) if answers else 0.0
 
 
 @kernel

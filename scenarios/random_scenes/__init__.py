@@ -43,6 +43,7 @@ REQUESTED_KINDS: Mapping[str, Callable[[Generator], Setup]] = {
     "terrain": piles.terrain,
     "friction": piles.resisting,
     "mechanism": joined.mechanisms,
+    "servo": joined.servos,
 }
 """Kinds that are used on request only, so that a seed of KINDS stays what it is: those that need continuous
 collision detection, other shapes, height fields, friction beyond mu, and joints between bodies."""

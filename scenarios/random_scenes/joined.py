@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.random import Generator
 
-from touchstone.scenarios.body_joints import BodyJoint
+from touchstone.scenarios.body_joints import ALONG_AXIS, BodyJoint
 from touchstone.scenarios.random_scenes.bodies import (
     MATERIAL,
     SHAPES,
@@ -47,6 +49,19 @@ def mechanisms(rng: Generator) -> Setup:
     does = "hang and fall" if held else "fall"
     summary = f"{count} joined bodies and {others} others {does}"
     return Setup(summary, [slab("floor", MATERIAL), *bodies], joints=joints)
+
+
+def servos(rng: Generator) -> Setup:
+    """`mechanisms` whose hinges and sliders have servos, from soft to all but rigid."""
+    setup = mechanisms(rng)
+    joints = [_servo(rng, joint) if joint.type in ALONG_AXIS else joint for joint in setup.joints]
+    return replace(setup, summary=f"{setup.summary}, with servos", joints=joints)
+
+
+def _servo(rng: Generator, joint: BodyJoint) -> BodyJoint:
+    """A joint with a spring of 1 to 1e6 N m/rad or N/m, in most cases damped."""
+    stiffness, damps = float(10 ** rng.uniform(0, 6)), rng.random() < 0.7
+    return replace(joint, stiffness=stiffness, damping=stiffness * float(10 ** rng.uniform(-4, 0)) * damps)
 
 
 def _joint(rng: Generator, name: str, places: Array, parent: int, child: int) -> BodyJoint:
