@@ -191,9 +191,12 @@ def follow_forces(bodies, joints, driver, h):
         mean square, by mass, of h times the velocity between [m].
     """
     count, before = driver["hinge_count"], driver["hinge_response"]
-    known = True
+    known, pushed = True, False
     for i in range(count):
         known = known and driver["gains"][i] == driver["known_gains"][i]
+        pushed = pushed or driver["gains"][i] != 0 or driver["path_gains"][i] != 0
+    if driver["held"] == 1 and not pushed:
+        _let_go(bodies, joints, driver, h)
     if known:
         return 0.0
     if driver["held"] == 1:
@@ -218,6 +221,16 @@ def follow_forces(bodies, joints, driver, h):
     _show_end(bodies, joints, driver)
     add_velocities(bodies, joints, driver, driver["gains"])
     return h * sqrt(energy / mass)
+
+
+@kernel
+def _let_go(bodies, joints, driver, h):
+    """Let a mechanism move over its substep of length h without held joints: no contact pushes it."""
+    driver["holds"] = 0
+    drop_holds(joints, driver)
+    _find_end(bodies, joints, driver, h)
+    _pose_middle(bodies, joints, driver)
+    _show_end(bodies, joints, driver)
 
 
 @kernel
