@@ -499,6 +499,23 @@ def set_slope(bodies, joints, driver, out_slope):
             f[i] = body["mass"] * (driver["gravity"][i] - joint["drift"][i])
         u, v, s = cross(plus(body["center"], -1.0, o), f)
         t[0], t[1], t[2] = u - x - t[0], v - y - t[1], s - z - t[2]
+    if driver["loop_count"] == 0:
+        _accelerate_tree(bodies, joints, driver)
+    else:
+        power += _accelerate_loops(bodies, joints, driver)
+    for i in range(count):
+        out_slope[size + i] = force[i]
+    out_slope[size + count] = power
+    for k in range(first, end):
+        _set_position_slope(bodies, joints[k], driver, out_slope)
+
+
+@kernel
+def _accelerate_loops(bodies, joints, driver):
+    """Set `force` to the accelerations of the rates of a mechanism with loops, which is weighed, from the
+    force and torque on each body; returns the power of joints that close loops [W]."""
+    first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
+    count, force, power = driver["hinge_count"], driver["force"], 0.0
     for k in range(end - 1, first - 1, -1):
         joint = joints[k]
         for j in range(joint["width"]):
@@ -521,11 +538,81 @@ def set_slope(bodies, joints, driver, out_slope):
             driver["loop_error"][j] = -_parting(bodies, joints, driver, driver["loop_row"][j])
         _answer_errors(driver, force)
     solve_upper(driver["hinge_factor"], count, force)
-    for i in range(count):
-        out_slope[size + i] = force[i]
-    out_slope[size + count] = power
+    return power
+
+
+@kernel
+def _accelerate_tree(bodies, joints, driver):
+    """Set `force` to the accelerations of the rates of a mechanism without loops, from the force and torque
+    on each body, by articulated bodies (Featherstone 2008, section 7.3), in time that grows with the number
+    of joints. A ball is three hinges."""
+    first, end, o = driver["first_joint"], driver["first_joint"] + driver["joint_count"], driver["center"]
     for k in range(first, end):
-        _set_position_slope(bodies, joints[k], driver, out_slope)
+        joint = joints[k]
+        own, bias = joint["articulated"], joint["bias"]
+        _set_spatial_inertia(bodies[joint["child"]], joint["moved_inertia"], o, own)
+        for i in range(3):
+            bias[i], bias[3 + i] = -joint["pull"][i], -joint["torque"][i]
+    for k in range(end - 1, first - 1, -1):
+        joint = joints[k]
+        own, bias, extra = joint["articulated"], joint["bias"], 0.0
+        if driver["stiffened"] == 1:
+            extra = joint["answer"]
+        for j in range(joint["width"] - 1, -1, -1):
+            s, u, weight = joint["columns"][j], joint["carried"][j], extra
+            push = driver["known_force"][joint["coordinate"] + j]
+            if joint["type"] != JOINT_FREE:
+                push += _present_force(joint, driver, j)
+            for i in range(6):
+                total = 0.0
+                for m in range(6):
+                    total += own[i, m] * s[m]
+                u[i] = total
+                weight += s[i] * total
+                push -= s[i] * bias[i]
+            joint["weights"][j], joint["pushes"][j] = weight, push
+            for i in range(6):
+                part = u[i] / weight
+                bias[i] += part * push
+                for m in range(6):
+                    own[i, m] -= part * u[m]
+        if joint["inner"] >= 0:
+            inner = joints[joint["inner"]]
+            for i in range(6):
+                inner["bias"][i] += bias[i]
+                for m in range(6):
+                    inner["articulated"][i, m] += own[i, m]
+    for k in range(first, end):
+        joint = joints[k]
+        # from here on the acceleration of the child beyond its drift
+        a = joint["bias"]
+        for i in range(6):
+            a[i] = joints[joint["inner"]]["bias"][i] if joint["inner"] >= 0 else 0.0
+        for j in range(joint["width"]):
+            x = joint["pushes"][j]
+            for i in range(6):
+                x -= joint["carried"][j, i] * a[i]
+            x /= joint["weights"][j]
+            driver["force"][joint["coordinate"] + j] = x
+            for i in range(6):
+                a[i] += x * joint["columns"][j, i]
+
+
+@kernel
+def _set_spatial_inertia(body, turning, o, out_inertia):
+    """Momentum and angular momentum about o of a body per velocity at o and angular velocity (6, 6), from its
+    inertia `turning` about its centre of mass."""
+    m, r = body["mass"], plus(body["center"], -1.0, o)
+    square = dot(r, r)
+    for i in range(3):
+        for j in range(3):
+            out_inertia[i, j] = m if i == j else 0.0
+            out_inertia[3 + i, 3 + j] = turning[i, j] + m * ((square if i == j else 0.0) - r[i] * r[j])
+    x, y, z = m * r[0], m * r[1], m * r[2]
+    arms = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))
+    for i in range(3):
+        for j in range(3):
+            out_inertia[i, 3 + j] = out_inertia[3 + j, i] = arms[i][j]
 
 
 @kernel

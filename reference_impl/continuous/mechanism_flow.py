@@ -10,6 +10,7 @@ from math import sqrt
 from touchstone.reference_impl.continuous.mechanism_dynamics import (
     answer_step,
     close_loops,
+    has_springs,
     joint_mobility,
     joint_power,
     set_slope,
@@ -39,7 +40,8 @@ def flow(bodies, joints, driver, time):
     """
     pose_mechanism(bodies, joints, driver)
     move_mechanism(bodies, joints, driver)
-    weigh_mechanism(bodies, joints, driver)
+    if driver["loop_count"] > 0 or has_springs(joints, driver):
+        weigh_mechanism(bodies, joints, driver)
     driver["work"] = 0.0
     if _is_stiff(joints, driver, time):
         _flow_implicitly(bodies, joints, driver, time)
@@ -73,10 +75,17 @@ def _stage(bodies, joints, driver, k, a, h):
             driver["positions"][i] = x
         else:
             driver["rates"][i - size] = x
+    _move(bodies, joints, driver)
+    set_slope(bodies, joints, driver, driver["slopes"][k])
+
+
+@kernel
+def _move(bodies, joints, driver):
+    """Pose and move a mechanism's bodies by its positions and rates; weighs it if it has loops."""
     pose_mechanism(bodies, joints, driver)
     move_mechanism(bodies, joints, driver)
-    weigh_mechanism(bodies, joints, driver)
-    set_slope(bodies, joints, driver, driver["slopes"][k])
+    if driver["loop_count"] > 0:
+        weigh_mechanism(bodies, joints, driver)
 
 
 @kernel
@@ -174,9 +183,7 @@ def _flow_implicitly(bodies, joints, driver, time):
             break
         if columns <= ENOUGH_COLUMNS:
             h *= 2
-    pose_mechanism(bodies, joints, driver)
-    move_mechanism(bodies, joints, driver)
-    weigh_mechanism(bodies, joints, driver)
+    _move(bodies, joints, driver)
 
 
 @kernel
@@ -214,9 +221,10 @@ def _steps_of_euler(bodies, joints, driver, steps, h):
         pose_mechanism(bodies, joints, driver)
         move_mechanism(bodies, joints, driver)
         answer_step(joints, driver, h)
-        weigh_mechanism(bodies, joints, driver)
-        driver["stiffened"] = 0
+        if driver["loop_count"] > 0:
+            weigh_mechanism(bodies, joints, driver)
         set_slope(bodies, joints, driver, slope)
+        driver["stiffened"] = 0
         driver["work"] += h * (slope[end] - joint_power(joints, driver))
         for i in range(count):
             x[i] = h * slope[driver["position_count"] + i]

@@ -207,8 +207,7 @@ def follow_forces(bodies, joints, driver, h):
     if driver["has_path"] == 1:
         _answer_known(driver, h, 1.0)
     _find_end(bodies, joints, driver, h)
-    if driver["held"] == 1:
-        weigh_mechanism(bodies, joints, driver)
+    weigh_mechanism(bodies, joints, driver)
     energy = mass = 0.0
     for i in range(count):
         y = 0.0
