@@ -29,7 +29,7 @@ from touchstone.reports.studies.robustness import (
 from touchstone.reports.verdict.figures import available_energy
 from touchstone.reports.verdict.outcomes import EXACT, lowest_points
 from touchstone.scenarios.random_scenes import random_scene
-from touchstone.scenarios.scenario import PairCoefficients, Scenario
+from touchstone.scenarios.scenario import BodyJoint, PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball, block, slab
 
 SETTINGS = Settings("balanced", 1 / 60)
@@ -85,6 +85,25 @@ def test_energy_at_the_start_is_that_of_the_closed_form():
     assert available_energy(replace(scene, effects=()), {1: 0.05, 2: 0.03}) == pytest.approx(
         kinetic, rel=1e-14
     )
+
+
+def test_bodies_that_joints_hold_may_fall_by_the_length_of_their_joints():
+    """A chain of two links of 1 and 2 kg, hung up at a height, with a bent spring of 8 N m/rad."""
+    links = (
+        ball("one", "wood", 0.01, 1.0, (0.05, 0.0, 0.5)),
+        ball("two", "wood", 0.01, 2.0, (0.15, 0.0, 0.5)),
+    )
+    joints = (
+        BodyJoint("hook", "hinge", "", "one", (0.0, 0.0, 0.5), stiffness=8.0, target=0.5),
+        BodyJoint("link", "ball", "one", "two", (0.1, 0.0, 0.5)),
+    )
+    scene = Scenario(
+        "s", "", (), links, 0.5, (PairCoefficients("wood", "wood", 0.0, 0.0),), body_joints=joints
+    )
+    assert available_energy(scene, {}) == pytest.approx(1.0 + 9.81 * (1.0 * 0.05 + 2.0 * 0.15), rel=1e-14)
+    # a slider without limits holds nothing: the lower of its bodies is the bottom
+    free = replace(scene, body_joints=(replace(joints[0], type="slider", stiffness=0.0), joints[1]))
+    assert available_energy(free, {}) == pytest.approx(0.0, abs=1e-14)
 
 
 @pytest.mark.parametrize("name", CLASSES)
