@@ -229,9 +229,7 @@ def answer_lacks(bodies, joints, driver, h):
         for c in range(joints[k]["coordinate"], joints[k]["coordinate"] + joints[k]["width"]):
             if joints[k]["held"] == 1:
                 x[c] = h * driver["lacks"][c]
-    solve_lower(driver["hinge_factor"], count, x)
-    keep_loops(driver, x)
-    solve_upper(driver["hinge_factor"], count, x)
+    answer_impulses(driver, x)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         for c in range(joints[k]["coordinate"], joints[k]["coordinate"] + joints[k]["width"]):
             if joints[k]["held"] == 1:
@@ -350,6 +348,14 @@ def solve_upper(s, count, x):
         for j in range(i + 1, count):
             total -= s[j, i] * x[j]
         x[i] = total / s[i, i]
+
+
+@kernel
+def answer_impulses(driver, x):
+    """Turn impulses along a mechanism's rates into the changes of these, as it is weighed."""
+    solve_lower(driver["hinge_factor"], driver["hinge_count"], x)
+    keep_loops(driver, x)
+    solve_upper(driver["hinge_factor"], driver["hinge_count"], x)
 
 
 @kernel

@@ -20,15 +20,13 @@ from touchstone.reference_impl.continuous.hinge_motion import (
 from touchstone.reference_impl.continuous.mechanism_dynamics import (
     answer_forces,
     answer_gains,
+    answer_impulses,
     answer_lacks,
     close_loops,
     drop_holds,
     has_springs,
     hold_joints,
-    keep_loops,
     note_lacks,
-    solve_lower,
-    solve_upper,
     weigh_answers,
     weigh_mechanism,
 )
@@ -141,9 +139,7 @@ def slow_joints(bodies, joints, driver):
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         for c in range(joints[k]["coordinate"], joints[k]["coordinate"] + joints[k]["width"]):
             x[c] = -joints[k]["answer"] * driver["rates"][c]
-    solve_lower(driver["hinge_factor"], driver["hinge_count"], x)
-    keep_loops(driver, x)
-    solve_upper(driver["hinge_factor"], driver["hinge_count"], x)
+    answer_impulses(driver, x)
     take_gains(bodies, joints, driver)
 
 
@@ -303,9 +299,7 @@ def _answer_known(driver, h, lead):
     x, known = driver["force"], driver["known_path"] if lead == 1 else driver["known_gains"]
     for i in range(driver["hinge_count"]):
         x[i] = h * driver["known_force"][i]
-    solve_lower(driver["hinge_factor"], driver["hinge_count"], x)
-    keep_loops(driver, x)
-    solve_upper(driver["hinge_factor"], driver["hinge_count"], x)
+    answer_impulses(driver, x)
     for i in range(driver["hinge_count"]):
         if lead < 1:
             driver["end_rates"][i] += known[i] - x[i]
