@@ -165,20 +165,24 @@ def _misspelt(place: Place, unknown: Collection[Place], data: Any) -> bool:
 
 def _meshed(body: dict[str, Any], place: Place, folder: Path, allow_paths: bool) -> list[Fault]:
     """Add the triangles of a mesh's file, or take away a mesh that has none; returns the faults."""
-    mesh = body.get("mesh", {})
+    if "mesh" not in body:
+        return []
+    mesh = body["mesh"]
     name, inline = mesh.pop("file", ""), [field for field in CORNERS if field in mesh]
-    try:
-        if name and inline:
-            raise MeshFileError(f"found with {', '.join(inline)}: expected one or the other")
-        if name:
-            body["mesh"] = triangles_of(allowed(folder, name, allow_paths))
-        elif "mesh" in body and len(inline) < len(CORNERS):
-            raise MeshFileError(f"expected {' and '.join(CORNERS)}, or a file")
-    except (MeshFileError, PathRefused) as error:
+    faults: list[Fault] = []
+    if name and inline:
+        faults.append(((*place, "file"), f"found with {', '.join(inline)}: expected one or the other"))
+    elif name:
+        try:
+            mesh |= triangles_of(allowed(folder, name, allow_paths))
+        except (MeshFileError, PathRefused) as error:
+            faults.append(((*place, "file"), str(error)))
+    else:
+        faults += [((*place, field), MISSING) for field in CORNERS if field not in mesh]
+    if faults:
         del body["mesh"]
         body["pieces"] = ()
-        return [((*place, "file") if name else place, str(error))]
-    return []
+    return faults
 
 
 def _shaped(body: dict[str, Any], place: Place, joined: bool) -> list[Fault]:
