@@ -87,6 +87,30 @@ def mechanisms(scenario: Scenario) -> list[list[BodyJoint]]:
     return [joints for _, joints in groups]
 
 
+def beyond(scenario: Scenario, joint: BodyJoint) -> set[str]:
+    """Bodies that hang on what no contact moves, or on the rest of their mechanism, by one joint alone; none
+    if it is in a loop."""
+    simulated = {body.name for body in scenario.bodies if body.kind == "simulated"}
+    links = [
+        {end if end in simulated else WORLD for end in (other.parent, other.child)}
+        for other in scenario.body_joints
+        if other.name != joint.name
+    ]
+
+    def reached(start: str) -> set[str]:
+        found = {start}
+        while True:
+            near = set().union(*(link for link in links if link & found))
+            if near <= found:
+                return found
+            found |= near
+
+    sides = reached(joint.child), reached(joint.parent if joint.parent in simulated else WORLD)
+    if sides[0] & sides[1]:
+        return set()
+    return sides[0] if WORLD not in sides[0] else sides[1]
+
+
 def point_velocity(body: Body | None, point: Iterable[float]) -> Array:
     """Velocity of a body at a world point at the start [m/s]; 0 for the world."""
     if body is None:

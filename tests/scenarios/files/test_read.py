@@ -389,7 +389,11 @@ def test_a_mesh_gives_a_body_its_pieces(scene, tmp_path):
         ("  [0, 1, 3],\n", "", "18: bodies[1].mesh.triangles: found 3, expected 4 to 8192"),
         ("[0, 1, 3]", "[0, 1, 4]", "20: bodies[1].mesh.triangles[1]: found (0, 1, 4), expected three diffe"),
         ("[0, 1, 3]", "[1, 0, 3]", "19: bodies[1].mesh.triangles[0]: 2 run along the edge 1-0 in one direc"),
-        ("  [2, 0, 3],", "  [2, 0, 3],\n  [1, 0, 2],", "19: bodies[1].mesh.triangles[0]: 3 at the edge 0-2, expected two"),
+        (
+            "  [2, 0, 3],",
+            "  [2, 0, 3],\n  [1, 0, 2],",
+            "19: bodies[1].mesh.triangles[0]: 3 at the edge 0-2, expected two",
+        ),
         (
             "[0.0, 0.0, 1.0]]",
             "[0.5, 0.0, 1e-4]]",
