@@ -101,8 +101,9 @@ class PieceMaker:
         model, name = self.model, self._name(geom)
         (at, turned), shape = self._pose(geom, place, turn), self._shape(geom, name)
         velocity, spin = np.split(surface_velocity(model, geom), 2)
-        if TYPE[int(model.geom_type[geom])] == "plane":  # the upper face of the slab is the plane
-            below = np.array((0.0, 0.0, -SLAB[2]))
+        if TYPE[int(model.geom_type[geom])] == "plane":
+            # the upper face of the slab is the plane, its middle the point next to the origin
+            below = turned.inv().apply(-at) * (1.0, 1.0, 0.0) + (0.0, 0.0, -SLAB[2])
             at, velocity = at + turned.apply(below), velocity + np.cross(spin, below)
         return Piece(name, shape, vector(at), quaternion(turned), vector(velocity), vector(spin))
 

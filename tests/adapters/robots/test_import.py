@@ -316,7 +316,7 @@ def test_foreign_models_import_and_weigh_the_same_in_every_engine(capsys):
     assert complete >= 25
 
 
-BELT = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1" pos="0 0 -1"/>
+BELT = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1" pos="40 5 -1" euler="0 0 30"/>
 <geom name="belt" type="box" size="2 .3 .1" pos="0 0 -.1" surfacevel="1 0 0 0 0 0"/>
 <geom name="disc" type="plane" size="1 1 1" pos="0 0 -3" surfacevel="0 0 0 0 2 0.5"/>
 <body name="load" pos="0 0 .1"><freejoint/>
@@ -330,7 +330,8 @@ def test_belts_keep_their_surface_velocity(robot):
     assert bodies.keys() == {"world", "belt", "disc", "load"}
     (piece,) = bodies["belt"].pieces
     assert (piece.surface_velocity, piece.surface_angular_velocity) == ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    # the slab of a plane has its origin 0.5 m below it
+    # the slab of a plane has its origin 0.5 m below that point of it which is next to the world's
+    np.testing.assert_allclose(bodies["world"].pieces[0].position, (0.0, 0.0, -1.5), atol=1e-12)
     (piece,) = bodies["disc"].pieces
     assert (piece.surface_velocity, piece.surface_angular_velocity) == ((-1.0, 0.0, 0.0), (0.0, 2.0, 0.5))
     assert bodies["load"].pieces[0].surface_velocity == (0.0, 0.0, 0.0)
