@@ -55,7 +55,6 @@ ROBOT_DATA = (
     "g1_description/urdf/g1_29dof_rev_1_0.urdf",
     "kinova_description/robots/kinova.urdf",
     "so_arm_description/urdf/so100.urdf",
-    "iris_description/robots/iris.urdf",
     "solo_description/robots/solo.urdf",
     "borinot_description/urdf/borinot_flying_arm_2.urdf",
     "allegro_hand_description/urdf/allegro_right_hand.urdf",  # refused: an inertia that no body has

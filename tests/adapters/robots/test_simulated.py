@@ -274,11 +274,12 @@ def compared(scenario: Scenario, measure: Callable[[Scenario, Recording], np.nda
 
 
 def untouched(scenario: Scenario) -> Scenario:
-    """The robot for a third of a second without contact."""
+    """The robot for a third of a second without contact and limits, which are soft in MuJoCo."""
     joined = {name for joint in scenario.body_joints for name in (joint.parent, joint.child)}
     kept = tuple(body for body in scenario.bodies if body.kind == "simulated" or body.name in joined)
     names = tuple(body.name for body in kept)
-    return replace(scenario, bodies=kept, contact_exclusions=(names,), duration=0.3)
+    joints = tuple(replace(one, lower=-UNBOUNDED, upper=UNBOUNDED) for one in scenario.body_joints)
+    return replace(scenario, bodies=kept, body_joints=joints, contact_exclusions=(names,), duration=0.3)
 
 
 def end_height(scenario: Scenario, seen: Recording) -> np.ndarray:
@@ -319,9 +320,9 @@ def test_35_models_of_others_import():
 @pytest.mark.slow
 @pytest.mark.parametrize("path", models(), ids=lambda path: f"{path.parent.name}/{path.name}")
 def test_a_model_of_others_moves_as_in_mujoco(path):
-    """It equals its file. Without contact it moves as in MuJoCo to the error of MuJoCo's steps; on the floor
-    it stands or falls with it: a second later, its centre of mass is as high, to that error or a tenth of
-    its size, since falls amplify what differs."""
+    """It equals its file. Without contact and limits it moves as in MuJoCo to the error of MuJoCo's steps; on
+    the floor it stands or falls with it: a second later, its centre of mass is as high, to that error or a
+    tenth of its size, since falls amplify what differs."""
     found = of_others(path)
     off = deviations(found, trees_of(path, compiled(path, True), found.scenario))
     assert max(off.values()) <= EQUAL
