@@ -190,5 +190,5 @@ def _apart(axes: Array, tetrahedra: Array, triangles: Array, touching: float) ->
     length = np.linalg.norm(axes, axis=2)
     own, other = (np.einsum("nai,nki->nak", axes, points) for points in (tetrahedra, triangles))
     gap = np.maximum(own.min(axis=2) - other.max(axis=2), other.min(axis=2) - own.max(axis=2))
-    separate: NDArray[np.bool_] = (gap >= -touching * length) & (length > PARALLEL * size[:, None] ** 2)
-    return separate.any(axis=1)
+    separate = (gap >= -touching * length) & (length > PARALLEL * size[:, None] ** 2)
+    return np.asarray(separate.any(axis=1))
