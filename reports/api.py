@@ -146,7 +146,7 @@ def work_precision(
     """Measure error over wall time of engines and settings, as `touchstone study work-precision` does.
 
     Args:
-        scenes: names of the catalogue; None: the gallery and six probes.
+        scenes: names of the catalogue; None: the gallery, six probes and two mechanisms.
         engines: one name or several; None: all.
         quick: fewer scenes, steps and rounds of timing.
         jobs: processes for accuracy; None: one per core. Times are measured one at a time.

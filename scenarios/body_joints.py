@@ -17,10 +17,14 @@ WORLD = ""
 TYPES: tuple[str, ...] = get_args(get_type_hints(BodyJoint)["type"])
 ALONG_AXIS = ("hinge", "slider")
 """Types of joints with one position."""
+EQUATIONS = {"hinge": 5, "slider": 5, "ball": 3, "fixed": 6}
+"""Equations that a joint of a type is [1]."""
 FREE = BodyJoint("", "ball", "", "", ORIGIN)
 """Joint without limits and forces."""
 PARTING = 1e-9
 """Velocity by which a joint may part at the start, over the speeds of its bodies [1]: rounding."""
+IMPLIED = 1e-9
+"""Singular value, over the largest, up to which equations of joints imply one another [1]: rounding."""
 Array = NDArray[np.float64]
 
 
@@ -85,6 +89,60 @@ def mechanisms(scenario: Scenario) -> list[list[BodyJoint]]:
                 apart.append(group)
         groups = [*apart, (names, joints)]
     return [joints for _, joints in groups]
+
+
+def beyond(scenario: Scenario, joint: BodyJoint) -> set[str]:
+    """Bodies that hang on what no contact moves, or on the rest of their mechanism, by one joint alone; none
+    if it is in a loop."""
+    simulated = {body.name for body in scenario.bodies if body.kind == "simulated"}
+    links = [
+        {end if end in simulated else WORLD for end in (other.parent, other.child)}
+        for other in scenario.body_joints
+        if other.name != joint.name
+    ]
+
+    def reached(start: str) -> set[str]:
+        found = {start}
+        while True:
+            near = set().union(*(link for link in links if link & found))
+            if near <= found:
+                return found
+            found |= near
+
+    sides = reached(joint.child), reached(joint.parent if joint.parent in simulated else WORLD)
+    if sides[0] & sides[1]:
+        return set()
+    return sides[0] if WORLD not in sides[0] else sides[1]
+
+
+def implied_equations(scenario: Scenario) -> int:
+    """How many equations of the joints others imply at the start, as in plane loops of hinges."""
+    bodies = {body.name: k for k, body in enumerate(scenario.bodies) if body.kind == "simulated"}
+    centers = {name: mass_center(scenario.bodies[k]) for name, k in bodies.items()}
+    arms = [
+        np.array(joint.anchor) - centers[name]
+        for joint in scenario.body_joints
+        for name in {joint.parent, joint.child} & bodies.keys()
+    ]
+    size = max((float(np.linalg.norm(arm)) for arm in arms), default=0.0) or 1.0
+    rows = []
+    for joint in scenario.body_joints:
+        axis = np.array(joint.axis)
+        across = np.eye(3) - np.outer(axis, axis)
+        slip = across if joint.type == "slider" else np.eye(3)
+        turn = {"hinge": across, "ball": np.zeros((3, 3))}.get(joint.type, np.eye(3))
+        # velocities of the anchors, and rates, of which the joint holds some equal; rates times the size
+        block = np.zeros((6, 6 * len(scenario.bodies)))
+        for name, sign in ((joint.child, 1.0), (joint.parent, -1.0)):
+            if name in bodies:
+                k, arm = 6 * bodies[name], (np.array(joint.anchor) - centers[name]) / size
+                block[:3, k : k + 3] = sign * slip
+                block[:3, k + 3 : k + 6] = sign * slip @ np.cross(np.eye(3), arm)
+                block[3:, k + 3 : k + 6] = sign * turn
+        rows.append(block)
+    count = sum(EQUATIONS[joint.type] for joint in scenario.body_joints)
+    values = np.linalg.svd(np.concatenate(rows), compute_uv=False) if rows else np.zeros(0)
+    return count - int((values > IMPLIED * values.max(initial=0.0)).sum())
 
 
 def point_velocity(body: Body | None, point: Iterable[float]) -> Array:

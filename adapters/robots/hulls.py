@@ -19,6 +19,8 @@ SPACING = 0.02
 """Spacing of samples on surfaces, relative to the size [1]: the error's own accuracy."""
 MOST_SAMPLES = 40
 """Samples along the edge of a triangle."""
+HOLLOW = 0.05
+"""Depth of a hollow, relative to the mesh's size, that a hull may fill [1]: above the error of sampling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,11 @@ class Approximation:
     cut: float
     filled: float
     size: float
+
+    @property
+    def fills_hollows(self) -> bool:
+        """Whether the shape is not convex, beyond HOLLOW."""
+        return self.filled > HOLLOW * self.size
 
 
 def mesh_hull(vertices: Array, faces: NDArray[np.int32]) -> Approximation:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.robots.hulls import Approximation, mesh_hull
 from touchstone.adapters.robots.robot_error import RobotError
+from touchstone.scenarios.height_field import HeightField
 from touchstone.scenarios.scenario import (
     Box,
     Capsule,
@@ -22,6 +25,7 @@ from touchstone.scenarios.scenario import (
     Sphere,
     vector,
 )
+from touchstone.scenarios.triangle_mesh import TriangleMesh
 
 TYPE = {
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{name.upper()}")): name
@@ -67,6 +71,24 @@ def surface_velocity(model: Any, geom: int) -> Array:
     return np.array(model.geom_surfacevel[geom]) if stands else np.zeros(6)
 
 
+def mesh_triangles(model: Any, mesh: int) -> tuple[Array, NDArray[np.int32]]:
+    """Vertices (n, 3) [m] and triangles (m, 3) of a mesh, anticlockwise as seen from outside."""
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    vertices = model.mesh_vert[first : first + count].astype(float)
+    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    return vertices, model.mesh_face[first : first + count]
+
+
+def _height_field(model: Any, field: int) -> HeightField:
+    """A height field of the model, whose rows are along y."""
+    rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
+    x, y, top, depth = model.hfield_size[field].tolist()
+    first = int(model.hfield_adr[field])
+    heights = top * model.hfield_data[first : first + rows * columns].reshape(rows, columns).T.astype(float)
+    spacing = 2 * x / (columns - 1), 2 * y / (rows - 1)
+    return HeightField(tuple(map(tuple, heights.tolist())), spacing, -depth)
+
+
 class PieceMaker:
     """Pieces from geoms; `notes` names each hull of a mesh with its error."""
 
@@ -76,16 +98,63 @@ class PieceMaker:
 
     def piece(self, geom: int, place: Array, turn: Array) -> Piece:
         """Piece of a geom whose body is at `place` in the link's frame, its axes as the columns of `turn`."""
-        model = self.model
-        name = model.geom(geom).name or f"{model.body(model.geom_bodyid[geom]).name or 'geom'}_{geom}"
-        inner = Rotation.from_quat(model.geom_quat[geom], scalar_first=True)
-        turned = Rotation.from_matrix(turn) * inner
-        at, shape = place + turn @ model.geom_pos[geom], self._shape(geom, name)
+        model, name = self.model, self._name(geom)
+        (at, turned), shape = self._pose(geom, place, turn), self._shape(geom, name)
         velocity, spin = np.split(surface_velocity(model, geom), 2)
-        if TYPE[int(model.geom_type[geom])] == "plane":  # the upper face of the slab is the plane
-            below = np.array((0.0, 0.0, -SLAB[2]))
+        if TYPE[int(model.geom_type[geom])] == "plane":
+            # the upper face of the slab is the plane, its middle the point next to the origin
+            below = turned.inv().apply(-at) * (1.0, 1.0, 0.0) + (0.0, 0.0, -SLAB[2])
             at, velocity = at + turned.apply(below), velocity + np.cross(spin, below)
         return Piece(name, shape, vector(at), quaternion(turned), vector(velocity), vector(spin))
+
+    def standing(self, geom: int, place: Array, turn: Array) -> tuple[Piece, ...]:
+        """Pieces of a geom that cannot move: of the triangles of a height field, or of a closed mesh that
+        is not convex."""
+        surface = self._surface(geom)
+        try:
+            pieces = () if surface is None else surface.pieces()
+        except ValueError as error:
+            raise RobotError(f"geom {self._name(geom)!r}: {error}") from error
+        at, turned = self._pose(geom, place, turn)
+        velocity, spin = map(vector, np.split(surface_velocity(self.model, geom), 2))
+        return tuple(
+            replace(
+                piece,
+                name=f"{self._name(geom)}_{piece.name}",
+                position=vector(at),
+                orientation=quaternion(turned),
+                surface_velocity=velocity,
+                surface_angular_velocity=spin,
+            )
+            for piece in pieces
+        ) or (self.piece(geom, place, turn),)
+
+    def _surface(self, geom: int) -> HeightField | TriangleMesh | None:
+        """Terrain of a geom; None if its piece is convex."""
+        model, name = self.model, self._name(geom)
+        kind, data = TYPE.get(int(model.geom_type[geom])), int(model.geom_dataid[geom])
+        if kind == "hfield":
+            return _height_field(model, data)
+        if kind != "mesh" or not self.mesh(data, name).fills_hollows:
+            return None
+        vertices, faces = mesh_triangles(model, data)
+        surface = TriangleMesh(tuple(map(vector, vertices)), tuple(map(tuple, faces.tolist())))
+        label = f"mesh {model.mesh(data).name!r}"
+        if fault := next(surface.faults(), None):
+            self._notes.append(f"{label}: not its triangles, but its hull: {': '.join(fault)}")
+            return None
+        self._notes.append(
+            f"{label} of a fixed body: its {len(faces)} triangles, of which MuJoCo plays the hull"
+        )
+        return surface
+
+    def _name(self, geom: int) -> str:
+        model = self.model
+        return model.geom(geom).name or f"{model.body(model.geom_bodyid[geom]).name or 'geom'}_{geom}"
+
+    def _pose(self, geom: int, place: Array, turn: Array) -> tuple[Array, Rotation]:
+        inner = Rotation.from_quat(self.model.geom_quat[geom], scalar_first=True)
+        return place + turn @ self.model.geom_pos[geom], Rotation.from_matrix(turn) * inner
 
     def _shape(self, geom: int, name: str) -> Shape:
         model = self.model
@@ -112,11 +181,8 @@ class PieceMaker:
         """Hull of a mesh, computed once; `name` of the geom or mesh in messages."""
         if mesh not in self._hulls:
             model = self.model
-            first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-            vertices = model.mesh_vert[first : first + count].astype(float)
-            first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
             try:
-                self._hulls[mesh] = mesh_hull(vertices, model.mesh_face[first : first + count])
+                self._hulls[mesh] = mesh_hull(*mesh_triangles(model, mesh))
             except ValueError as error:
                 raise RobotError(f"mesh {model.mesh(mesh).name!r}: {error}") from error
             self._note(f"mesh {model.mesh(mesh).name!r}", self._hulls[mesh])

@@ -133,14 +133,14 @@ def _add_fixed(model: Any, body: int, name: str, maker: PieceMaker, parts: Parts
     """Fixed bodies of a body that cannot move, in the world's frame: one, and one per moving surface, since
     not every engine has several in one body."""
     place, turn = world_pose(model, body)
-    pieces = [maker.piece(geom, place, turn) for geom in geoms_of(model, body)]
-    moving = [piece for piece in pieces if piece_moves(piece)]
-    still = [piece for piece in pieces if not piece_moves(piece)]
-    for own, label in ((still, name), *(([piece], piece.name) for piece in moving)):
-        if own:
+    pieces = {geom: maker.standing(geom, place, turn) for geom in geoms_of(model, body)}
+    moving = [geom for geom, own in pieces.items() if piece_moves(own[0])]
+    still = [geom for geom in pieces if geom not in moving]
+    for kept, label in ((still, name), *(([geom], pieces[geom][0].name) for geom in moving)):
+        if kept:
             label = free_name(label, [other.name for other in parts.bodies])
+            own = [piece for geom in kept for piece in pieces[geom]]
             parts.bodies.append(Body(label, "fixed", "floor", named_once(own)))
-            kept = [geom for geom, piece in zip(geoms_of(model, body), pieces) if piece in own]
             parts.geoms[label] = (0, kept)
 
 

@@ -333,7 +333,7 @@ def show(
 
 
 def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format) -> None:
-    from touchstone.reports.docs.listing import joint_rows, show_rows, surface_lines, truth_lines
+    from touchstone.reports.docs.listing import joint_rows, loop_line, show_rows, surface_lines, truth_lines
     from touchstone.scenarios.scenario import UNMOVED
 
     if model_card:
@@ -372,6 +372,8 @@ def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format)
     if chosen.body_joints and output is Format.table:
         print()
         show_rows(joint_rows(chosen), output)
+        if line := loop_line(chosen):
+            print(line)
 
 
 app.command("check-engine")(check_engine)

@@ -288,7 +288,7 @@ def paper(
 @studied("work-precision", judge=True)
 def work_precision(
     scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes (default: the gallery and six probes).")
+        list[str] | None, typer.Argument(help="Scenes (default: the gallery, six probes and two mechanisms).")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Five scenes, three steps, two rounds.")] = False,
     engine: EngineOption = None,

@@ -185,6 +185,7 @@ def soak(
         float, typer.Option(min=0.0, max=MOST_MINUTES, help="Time after which no scene is started.")
     ] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the first random scene.")] = 0,
+    kind: Annotated[str, typer.Option(help="Kind of all scenes (default: each as its seed says).")] = "",
     profile: Annotated[str, typer.Option(help="Profile of the reference.")] = "balanced",
     out: Annotated[Path | None, typer.Option(help="Folder of failures (default: runs/soak-<time>).")] = None,
     output: FormatOption = Format.table,
@@ -196,14 +197,16 @@ def soak(
     from touchstone.reports.docs.listing import show_rows
     from touchstone.reports.studies.soak import Extent
     from touchstone.reports.studies.soak import soak as run
+    from touchstone.scenarios.random_scenes import ALL_KINDS, random_scene
 
     known("profile", profile, ENGINES["reference"].profiles)
+    chosen = known("kind", kind, ALL_KINDS) if kind else None
     folder = out or folder_of_now("soak-")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         stop(f"--out {folder}: exists and is not an empty folder", BAD_INPUT)
     require_judge()
     said = print if output is Format.table else lambda line: print(line, file=sys.stderr)
-    found = run(Extent(minutes, seed), profile, folder, said)
+    found = run(Extent(minutes, seed), profile, folder, said, scene=partial(random_scene, kind=chosen))
     counts = {"seed": seed, "scenes": found.scenes, "frames": found.frames, "broken": len(found.failures)}
     if output is not Format.table:
         show_rows([counts | {f"outcome {name}": count for name, count in found.classes.items()}], output)

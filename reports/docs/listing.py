@@ -238,6 +238,16 @@ def effect_rows(scenario: Scenario, measured: bool = False) -> list[dict[str, ob
     return [row | {"because": one.reason} for row, one in zip(rows, decisions)]
 
 
+def loop_line(scenario: Scenario) -> str:
+    """What the joints' loops leave open; empty if nothing."""
+    from touchstone.scenarios.body_joints import EQUATIONS, implied_equations
+
+    implied = implied_equations(scenario)
+    count = sum(EQUATIONS[joint.type] for joint in scenario.body_joints)
+    text = f"redundant loops: others imply {implied} of the joints' {count} equations; the least forces count"
+    return text if implied else ""
+
+
 def joint_rows(scenario: Scenario) -> list[dict[str, object]]:
     """The joints between bodies: what they connect, where, and their limits and forces."""
     from touchstone.scenarios.body_joints import ALONG_AXIS

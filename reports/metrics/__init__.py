@@ -87,6 +87,7 @@ _ALL = (
     Metric("joint.stop", "excess over a slider's limit", "m", "lower", joints.joint_stop, _MM),
     Metric("joint.drift", "distance of a joint's anchors", "m", "lower", joints.joint_drift, _MM),
     Metric("joint.turn", "turn of a joint across its axis", "rad", "lower", joints.joint_turn),
+    Metric("joint.force", "error of a joint's force", "1", "lower", joints.joint_force),
     Metric("joint.cone", "excess over a reach cone", "rad", "lower", posture.joint_cone),
     Metric("joint.speed", "hinge speed", "rad/s", "lower", posture.joint_speed),
     Metric("posture.deviation", "deviation of posture", "rad", "lower", posture.posture_deviation),

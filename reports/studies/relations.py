@@ -22,6 +22,7 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.adapters.workers.pool import Ended
+from touchstone.reports.metrics.motion.joints import joint_motion
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
@@ -32,7 +33,7 @@ from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.relations.changes import bare
 from touchstone.scenarios.relations.table import RELATIONS
-from touchstone.scenarios.scenario import Scenario, vector
+from touchstone.scenarios.scenario import UNBOUNDED, BodyJoint, Scenario, ScenarioError, vector
 from touchstone.scenarios.transforms import perturbed
 
 SPLIT = "split"
@@ -76,7 +77,7 @@ def compare(engine: Engine, task: Task) -> Deviations:
     for name in NAMES:
         try:
             found[name] = _deviation(engine, task, plain, first, name) / size
-        except (AdapterError, _NotApplied) as error:
+        except (AdapterError, ScenarioError, _NotApplied) as error:
             found[name], reasons[name] = nan, str(error)
     return Deviations(found, reasons, _amplification(engine, task, plain, points), size)
 
@@ -134,10 +135,29 @@ def _split(engine: Engine, task: Task, plain: Scenario, first: Recording) -> flo
         else body
         for k, body in enumerate(plain.bodies)
     )
+    joints = tuple(_restarted(first, plain, joint, half) for joint in plain.body_joints)
     left = (plain.frame_count - half) / plain.frame_rate
-    second = record(engine, replace(plain, bodies=bodies, duration=left), task.settings)
+    rest = replace(plain, bodies=bodies, body_joints=joints, duration=left)
+    second = record(engine, rest, task.settings)
     ones = np.eye(3)
     return _distance(_points(second, plain, ones, 1.0), _points(first, plain, ones, 1.0)[half:])
+
+
+def _restarted(first: Recording, plain: Scenario, joint: BodyJoint, frame: int) -> BodyJoint:
+    """A joint whose position counts from where it is in a displayed frame."""
+    motion = joint_motion(first, plain, joint)
+    q = float(motion.position[frame])
+    axis = motion.axis[frame] / np.linalg.norm(motion.axis[frame])
+    moved = replace(joint, anchor=vector(motion.anchor[frame]), axis=vector(axis))
+    if not q:
+        return moved
+    return replace(
+        moved,
+        # rounding may leave the joint beyond a limit
+        lower=min(0.0, joint.lower - q) if joint.lower > -UNBOUNDED else joint.lower,
+        upper=max(0.0, joint.upper - q) if joint.upper < UNBOUNDED else joint.upper,
+        target=joint.target - q if joint.stiffness else joint.target,
+    )
 
 
 def _unit(q: Array) -> tuple[float, float, float, float]:
@@ -184,13 +204,14 @@ HELD = 1e-9
 """Largest deviation of a relation that holds, over the scene's size and its amplification [1]: rounding."""
 MOST_BODIES = 16
 """Largest number of bodies of a default scene: eleven runs of a larger one take DART minutes."""
-QUICK = ("fall", "slide", "stack", "bounce_e05", "collide_oblique", "roll")
+QUICK = ("fall", "slide", "stack", "bounce_e05", "collide_oblique", "roll", "double_pendulum")
 """Scenes of a quick study."""
 
 
 def default_scenes() -> list[Scenario]:
-    """The probes of up to MOST_BODIES bodies."""
-    return [scene for scene in tagged("probe") if len(scene.bodies) <= MOST_BODIES]
+    """The probes and mechanisms of up to MOST_BODIES bodies."""
+    scenes = (*tagged("probe"), *tagged("joints"))
+    return [scene for scene in scenes if len(scene.bodies) <= MOST_BODIES]
 
 
 def tasks(columns: Sequence[Column], scenes: Sequence[Scenario]) -> list[Task]:

@@ -22,9 +22,17 @@ from touchstone.reports.results import write_beside
 from touchstone.reports.runner.tasks import Task
 from touchstone.reports.studies.robustness import PATIENCE, assess_task, assessment_of
 from touchstone.reports.verdict.outcomes import Assessment
+from touchstone.scenarios.body_joints import WORLD
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.random_scenes import random_scene
-from touchstone.scenarios.scenario import TRACKED, PairCoefficients, Scenario, ScenarioError
+from touchstone.scenarios.scenario import (
+    TRACKED,
+    Body,
+    BodyJoint,
+    PairCoefficients,
+    Scenario,
+    ScenarioError,
+)
 
 Fails = Callable[[Scenario], bool]
 MOST_TRIES = 200
@@ -32,7 +40,7 @@ MOST_TRIES = 200
 
 
 def shrunk(scenario: Scenario, fails: Fails, most: int = MOST_TRIES) -> Scenario:
-    """Smallest scene found that still fails: fewer bodies, less time, no driver, friction, bounce or spin.
+    """Smallest scene found that still fails: fewer bodies and joints, less time, no driver, friction or spin.
 
     Args:
         fails: whether a scene fails in the same way; it is called at most `most` times.
@@ -69,14 +77,21 @@ def _without_bodies(scenario: Scenario) -> Iterator[Callable[[], Scenario]]:
     """Scenes without a driver, without half of the loose bodies, or without one body."""
     if scenario.trackers:
         loose = tuple(body for body in scenario.bodies if body.kind not in TRACKED)
-        yield lambda: replace(scenario, bodies=loose, joints=(), trackers=(), chains=())
+        yield lambda: replace(_with(scenario, loose), joints=(), trackers=(), chains=())
     names = [body.name for body in scenario.bodies if body.kind not in TRACKED]
     half = len(names) // 2
     groups = [names[:half], names[half:]] if half > 1 else []
     for group in (*groups, *([name] for name in names)):
         rest = tuple(body for body in scenario.bodies if body.name not in group)
         if any(body.kind != "fixed" for body in rest):
-            yield lambda rest=rest: replace(scenario, bodies=rest)  # type: ignore[misc]
+            yield lambda rest=rest: _with(scenario, rest)  # type: ignore[misc]
+
+
+def _with(scenario: Scenario, bodies: tuple[Body, ...]) -> Scenario:
+    """Scene of some of its bodies, with the joints between them."""
+    names = {WORLD, *(body.name for body in bodies)}
+    kept = tuple(joint for joint in scenario.body_joints if {joint.parent, joint.child} <= names)
+    return replace(scenario, bodies=bodies, body_joints=kept)
 
 
 def _shorter(scenario: Scenario) -> Iterator[Callable[[], Scenario]]:
@@ -87,7 +102,13 @@ def _shorter(scenario: Scenario) -> Iterator[Callable[[], Scenario]]:
 
 
 def _simpler(scenario: Scenario) -> Iterator[Callable[[], Scenario]]:
-    """Scenes without friction, bounce, gravity or the spin of a body."""
+    """Scenes without friction, bounce, gravity, the spin of a body, a joint or its springs and limits."""
+    for k, joint in enumerate(scenario.body_joints):
+        others = scenario.body_joints[:k], scenario.body_joints[k + 1 :]
+        plain = BodyJoint(joint.name, joint.type, joint.parent, joint.child, joint.anchor, joint.axis)
+        for own in ((), (plain,)) if plain != joint else ((),):
+            joints = (*others[0], *own, *others[1])
+            yield lambda joints=joints: replace(scenario, body_joints=joints)  # type: ignore[misc]
     for e, mu in ((True, False), (False, True)):
         pairs = tuple(
             PairCoefficients(

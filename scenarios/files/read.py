@@ -16,12 +16,21 @@ from pydantic import BaseModel
 
 from touchstone.scenarios.avatar.number_checks import LONGEST
 from touchstone.scenarios.files.mass_properties import uniform
+from touchstone.scenarios.files.mesh_file import MeshFileError, triangles_of
 from touchstone.scenarios.files.safe_paths import PathRefused, allowed, regular
-from touchstone.scenarios.files.schema import KEYFRAMES, SHAPE_TYPES, Fault, checked, model_of, shape_type
+from touchstone.scenarios.files.schema import (
+    CORNERS,
+    KEYFRAMES,
+    SHAPE_TYPES,
+    SURFACES,
+    Fault,
+    checked,
+    model_of,
+    shape_type,
+)
 from touchstone.scenarios.files.text_lines import Path as Place
 from touchstone.scenarios.files.text_lines import json_lines, line_of, toml_lines
 from touchstone.scenarios.files.tracker_file import TrackerFileError, keyframes
-from touchstone.scenarios.height_field import HeightField
 from touchstone.scenarios.scenario import ORIGIN, UNMOVED, Piece, Scenario, ScenarioError, Shape
 
 NAME = re.compile(r"\w[\w .,+=-]{0,99}")
@@ -108,7 +117,7 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
     """Scene of a TOML or JSON file; a scene without a name is called like its file.
 
     Args:
-        allow_paths: whether trackers may name files outside the scene's folder.
+        allow_paths: whether trackers and meshes may name files outside the scene's folder.
     Raises:
         SceneFileError: the file is not valid; names all faults at once, each with its line.
     """
@@ -125,6 +134,7 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
         joints = data.get("body_joints", ())
         joined = {name for joint in joints for name in (joint["parent"], joint["child"])}
         for i, body in enumerate(data["bodies"]):
+            own += _meshed(body, ("bodies", i, "mesh"), path.parent, allow_paths)
             own += _shaped(body, ("bodies", i), body.get("name") in joined)
             own += _weighed(body, ("bodies", i))
         for i, tracker in enumerate(data.get("trackers", ())):
@@ -153,21 +163,44 @@ def _misspelt(place: Place, unknown: Collection[Place], data: Any) -> bool:
     return place[-1] not in data
 
 
+def _meshed(body: dict[str, Any], place: Place, folder: Path, allow_paths: bool) -> list[Fault]:
+    """Add the triangles of a mesh's file, or take away a mesh that has none; returns the faults."""
+    if "mesh" not in body:
+        return []
+    mesh = body["mesh"]
+    name, inline = mesh.pop("file", ""), [field for field in CORNERS if field in mesh]
+    faults: list[Fault] = []
+    if name and inline:
+        faults.append(((*place, "file"), f"found with {', '.join(inline)}: expected one or the other"))
+    elif name:
+        try:
+            mesh |= triangles_of(allowed(folder, name, allow_paths))
+        except (MeshFileError, PathRefused) as error:
+            faults.append(((*place, "file"), str(error)))
+    else:
+        faults += [((*place, field), MISSING) for field in CORNERS if field not in mesh]
+    if faults:
+        del body["mesh"]
+        body["pieces"] = ()
+    return faults
+
+
 def _shaped(body: dict[str, Any], place: Place, joined: bool) -> list[Fault]:
-    """Give a body the pieces of its height field, or none if it is `joined` and has neither; returns the
-    faults."""
-    if "height_field" not in body:
+    """Give a body the pieces of its surface, or none if it is `joined` and has neither; returns faults."""
+    found = [name for name in SURFACES if name in body]
+    if not found:
         asked = "pieces" not in body and not joined
         body.setdefault("pieces", ())
         return [((*place, "pieces"), MISSING)] if asked else []
-    field = built(HeightField, body.pop("height_field"))
-    where = (*place, "height_field")
-    faults: list[Fault] = [((*where, *placed(name)), text) for name, text in field.faults()]
+    name, *more = found
+    surface, where = built(SURFACES[name], body.pop(name)), (*place, name)
+    faults: list[Fault] = [((*where, *placed(field)), text) for field, text in surface.faults()]
     if body["kind"] not in UNMOVED:
         faults.append((where, f"found on a {body['kind']} body, expected a fixed or prescribed one"))
-    if body.get("pieces"):
-        faults.append((where, "found with pieces: expected one or the other"))
-    body["pieces"] = () if faults else [asdict(piece) for piece in field.pieces()]
+    for other in (*more, *(["pieces"] if body.get("pieces") else [])):
+        body.pop(other)
+        faults.append((where, f"found with {other}: expected one or the other"))
+    body["pieces"] = () if faults else [asdict(piece) for piece in surface.pieces()]
     return faults
 
 

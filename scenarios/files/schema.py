@@ -18,20 +18,30 @@ from pydantic import Field as ModelField
 from touchstone.scenarios.files.text_lines import Path
 from touchstone.scenarios.height_field import HeightField
 from touchstone.scenarios.scenario import Body, Scenario, Shape, Tracker, shape_name
+from touchstone.scenarios.triangle_mesh import TriangleMesh
 
 SHAPE_TYPES: dict[str, type] = {shape_name(kind): kind for kind in get_args(Shape)}
 """Names of the shapes in files."""
 KEYFRAMES = ("times", "positions", "orientations", "angles")
 """Fields of a tracker that its `file` may hold."""
+CORNERS = ("vertices", "triangles")
+"""Fields of a mesh that its `file` may hold."""
+SURFACES: dict[str, type] = {"height_field": HeightField, "mesh": TriangleMesh}
+"""Fields of a body in place of its pieces."""
 OPTIONAL: dict[type, dict[str, Any]] = {
     Scenario: {"name": "", "summary": "", "tags": ()},
     Body: {"pieces": ()},
     Tracker: {"joints": (), **dict.fromkeys(KEYFRAMES, ())},
+    TriangleMesh: dict.fromkeys(CORNERS, ()),
 }
 """Fields that a file may omit although the dataclass requires them."""
 ADDED: dict[type, dict[str, tuple[Any, Any]]] = {
-    Body: {"height_field": (HeightField, ModelField(None, description="terrain, in place of pieces"))},
+    Body: {
+        name: (kind, ModelField(None, description="a surface, in place of pieces"))
+        for name, kind in SURFACES.items()
+    },
     Tracker: {"file": (str, ModelField("", description="CSV or NPZ file with the keyframes"))},
+    TriangleMesh: {"file": (str, ModelField("", description="OBJ or STL file with the triangles"))},
 }
 """Fields of files that the dataclass does not have."""
 Fault = tuple[Path, str]

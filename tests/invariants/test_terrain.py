@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import cos, sin
 
 import numpy as np
@@ -24,6 +25,7 @@ from touchstone.scenarios.scenario import (
     vector,
 )
 from touchstone.scenarios.solids import ball, block, capsule, cylinder, slab
+from touchstone.scenarios.triangle_mesh import TriangleMesh, solid_below
 
 LYING = (2**-0.5, 2**-0.5, 0.0, 0.0)
 MOVING = {
@@ -65,28 +67,39 @@ MOVING = {
 SEEDS = range(3)
 
 
-def triangles(rng: np.random.Generator) -> Body:
-    """A fixed body of triangular columns with a level top, of all sizes and angles."""
+def grid(rng: np.random.Generator) -> np.ndarray:
+    """Points (n, n, 3) of a level square, moved within it [m]."""
     side = np.linspace(-2.0, 2.0, int(rng.integers(5, 14)))
-    x, y = np.meshgrid(side, side, indexing="ij")
-    step = side[1] - side[0]
-    for grid in (x, y):
-        grid[1:-1, 1:-1] += rng.uniform(-0.3, 0.3, grid[1:-1, 1:-1].shape) * step
-    pieces = []
-    for i, j in np.ndindex(len(side) - 1, len(side) - 1):
-        corners = [(x[k, m], y[k, m]) for k, m in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))]
+    points = np.stack(np.meshgrid(side, side, [0.0], indexing="ij"), axis=-1)[:, :, 0]
+    moved = rng.uniform(-0.3, 0.3, (2, len(side) - 2, len(side) - 2)) * (side[1] - side[0])
+    points[1:-1, 1:-1, :2] += np.moveaxis(moved, 0, -1)
+    return points
+
+
+def columns(rng: np.random.Generator) -> tuple[Piece, ...]:
+    """Triangular columns with a level top, of all sizes and angles."""
+    points, pieces = grid(rng), []
+    for i, j in np.ndindex(len(points) - 1, len(points) - 1):
+        corners = [points[at][:2] for at in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))]
         for side_of, chosen in (("a", (0, 1, 2)), ("b", (0, 2, 3))):
-            columns = tuple(vector((*corners[k], z)) for k in chosen for z in (0.0, -0.3))
-            pieces.append(Piece(f"tile_{i}_{j}_{side_of}", Hull(columns)))
-    return Body("floor", "fixed", "wood", tuple(pieces))
+            column = tuple(vector((*corners[k], z)) for k in chosen for z in (0.0, -0.3))
+            pieces.append(Piece(f"tile_{i}_{j}_{side_of}", Hull(column)))
+    return tuple(pieces)
+
+
+def mesh(rng: np.random.Generator) -> tuple[Piece, ...]:
+    """Pieces of a closed mesh with a level top."""
+    return solid_below(grid(rng), -0.3).pieces()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("triangles", [columns, mesh])
 @pytest.mark.parametrize("name", MOVING)
-def test_triangles_in_a_plane_are_the_plane(name: str, seed: int) -> None:
+def test_triangles_in_a_plane_are_the_plane(
+    name: str, triangles: Callable[[np.random.Generator], tuple[Piece, ...]], seed: int
+) -> None:
     """Positions are those over a slab to a nanometre: no seam stops, lifts or turns a body."""
-    rng = np.random.default_rng(seed)
-    floor = triangles(rng)
+    floor = Body("floor", "fixed", "wood", triangles(np.random.default_rng(seed)))
     turn = Rotation.identity() if seed == 0 else Rotation.random(random_state=seed)
     expected = end_of(slab("floor", "wood"), MOVING[name], Rotation.identity(), 1.2)
     assert np.abs(end_of(floor, MOVING[name], turn, 1.2) - expected).max() < 1e-9
@@ -154,6 +167,26 @@ def test_the_solid_of_a_field_is_below_its_heights() -> None:
     ) * 0.06
     assert volume == pytest.approx(means.sum(), rel=1e-12)
     assert len(field.pieces()) == 2 * 3 * 4
+
+
+def test_the_pieces_of_a_mesh_are_within_it() -> None:
+    """Random points of the pieces of a torus, whose hull would fill it, are within it but for chords of its
+    inner circle, and the pieces have all of its surface."""
+    n, m = 24, 12
+    u, v = np.meshgrid(2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m, indexing="ij")
+    radius = 1 + 0.4 * np.cos(v)
+    points = np.stack([radius * np.cos(u), radius * np.sin(u), 0.4 * np.sin(v)], axis=-1).reshape(-1, 3)
+    index = np.arange(n * m).reshape(n, m)
+    a, b = index.ravel(), np.roll(index, -1, axis=0).ravel()
+    c, d = (np.roll(one.reshape(n, m), -1, axis=1).ravel() for one in (b, a))
+    triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).tolist()
+    pieces = TriangleMesh(tuple(map(tuple, points.tolist())), tuple(map(tuple, triangles))).pieces()
+    weights = np.random.default_rng(0).dirichlet(np.ones(4), 20)
+    inside = np.concatenate([weights @ np.array(piece.shape.vertices) for piece in pieces])
+    ring = np.hypot(inside[:, 0], inside[:, 1]) - 1
+    assert np.hypot(ring, inside[:, 2]).max() < 0.4 + 0.6 * (1 - cos(np.pi / n))
+    found = {tuple(sorted(piece.shape.vertices[:3])) for piece in pieces}
+    assert found == {tuple(sorted(tuple(points[k]) for k in corners)) for corners in triangles}
 
 
 def test_what_falls_on_terrain_is_random_too() -> None:

@@ -69,7 +69,9 @@ def test_a_fault_breaks_its_relations(fault):
     assert bool(broken) == bool(fault)
 
 
-@pytest.mark.parametrize("name", ["stack", "bounce_e1", "arch_stands", "coin_rolls", "slap_3", "spring"])
+@pytest.mark.parametrize(
+    "name", ["stack", "bounce_e1", "arch_stands", "coin_rolls", "slap_3", "spring", "governor"]
+)
 @pytest.mark.parametrize("relation", RELATIONS)
 def test_changed_scenes_are_valid(name, relation):
     """Every change of a scene passes the checks of scenes."""
@@ -109,7 +111,7 @@ def test_later_waits():
     assert not relation.applies(catalogue()["slide"])
 
 
-@pytest.mark.parametrize("name", ["fall", "stack", "collide_oblique"])
+@pytest.mark.parametrize("name", ["fall", "stack", "collide_oblique", "double_pendulum"])
 def test_the_reference_holds_every_relation(name):
     """Motions agree to rounding; one that does not apply has a reason."""
     found = compare(load("reference"), Task(catalogue()[name], "reference", SETTINGS))
@@ -117,4 +119,5 @@ def test_the_reference_holds_every_relation(name):
     assert {row.verdict for row in rows} <= {"", "pass", "skipped"}, rows
     assert set(found.deviations) == set(NAMES)
     assert found.deviations[SPLIT] <= HELD
-    assert found.deviations["masses"] == 0.0
+    if not catalogue()[name].body_joints:
+        assert found.deviations["masses"] == 0.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from touchstone.scenarios.body_joints import mechanisms, spanning_trees
+from touchstone.scenarios.body_joints import implied_equations, mechanisms, spanning_trees
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.families.joined_contact import LADDER, LEAN, WHEEL, ladder_leaves
@@ -217,3 +217,16 @@ def test_excluded_bodies_do_not_touch() -> None:
     ]
     with pytest.raises(ScenarioError, match=r"bodies\[0\].pieces: found none"):
         replace(scene, bodies=(replace(balls[0], pieces=()), *balls[1:]))
+
+
+@pytest.mark.parametrize(
+    ("name", "loops"), [("double_pendulum", 0), ("slider_crank", 1), ("governor", 2), ("squeezer", 4)]
+)
+def test_each_plane_loop_implies_three_equations(name: str, loops: int) -> None:
+    """A loop of hinges in a plane closes by six equations, three of which hold by the plane."""
+    assert implied_equations(catalogue()[name]) == 3 * loops
+
+
+def test_bricards_loop_moves_by_its_one_implied_equation() -> None:
+    """Six hinges in space are 30 equations of five bodies, and leave one motion."""
+    assert implied_equations(catalogue()["bricard"]) == 1

@@ -14,12 +14,10 @@ from touchstone.adapters.contract import Array
 from touchstone.adapters.oracles.overlap import coal_shape, signed_distance
 from touchstone.adapters.robots.checks.finding import Finding
 from touchstone.adapters.robots.checks.posture import Posture, colliding, name_of
-from touchstone.adapters.robots.pieces import PieceMaker, may_touch
+from touchstone.adapters.robots.pieces import TYPE, PieceMaker, may_touch, mesh_triangles
 from touchstone.scenarios.avatar.kinematics import piece_box
 from touchstone.scenarios.scenario import Piece
 
-HOLLOW = 0.05
-"""Depth of a hollow, relative to the mesh's size, that a hull may fill [1]: above the error of sampling."""
 LEAST_VOLUME = 0.01
 """Volume of a closed mesh relative to its hull's [1] below which its faces are taken as badly oriented."""
 DEPTH = 1e-4
@@ -28,11 +26,12 @@ DEPTH = 1e-4
 
 def hulls(model: Any, maker: PieceMaker) -> Iterator[Finding]:
     """Meshes whose convex hull, which all engines play, fills hollows."""
-    used = sorted({int(model.geom_dataid[geom]) for geom in colliding(model) if model.geom_dataid[geom] >= 0})
+    meshes = [geom for geom in colliding(model) if TYPE[int(model.geom_type[geom])] == "mesh"]
+    used = sorted({int(model.geom_dataid[geom]) for geom in meshes})
     for mesh in used:
         subject = name_of(model, "mesh", mesh)
         found = maker.mesh(mesh, subject)
-        if found.filled > HOLLOW * found.size:
+        if found.fills_hollows:
             more = _added_volume(model, mesh)
             volume = f" and adds {100 * more:.0f} % to its volume" if np.isfinite(more) else ""
             yield Finding(
@@ -47,10 +46,7 @@ def hulls(model: Any, maker: PieceMaker) -> Iterator[Finding]:
 def _added_volume(model: Any, mesh: int) -> float:
     """Volume that the hull of a mesh adds, relative to the mesh's; NaN if the mesh is not closed, or faces
     have both orientations, so that parts cancel."""
-    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    vertices = model.mesh_vert[first : first + count].astype(float)
-    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-    faces = model.mesh_face[first : first + count]
+    vertices, faces = mesh_triangles(model, mesh)
     edges = {(a, b) for face in faces.tolist() for a, b in zip(face, face[1:] + face[:1])}
     if any((b, a) not in edges for a, b in edges):
         return float("nan")

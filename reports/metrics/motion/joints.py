@@ -8,24 +8,28 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
+from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics.context import Context, NotMeasured, Values, worst
-from touchstone.scenarios.body_joints import ALONG_AXIS, WORLD
+from touchstone.scenarios.body_joints import ALONG_AXIS, WORLD, beyond
 from touchstone.scenarios.scenario import UNBOUNDED, BodyJoint, Scenario
 
 
 class JointMotion(NamedTuple):
     """A joint per frame (f,): the distance of its two anchors, across the axis of a slider [m]; the angle by
-    which it turns otherwise than it may [rad]; its position [rad, m], 0 of ball and fixed joints."""
+    which it turns otherwise than it may [rad]; its position [rad, m], 0 of ball and fixed joints. Then the
+    anchor and the axis of its parent (f, 3) [m, 1], world."""
 
     gap: Array
     turn: Array
     position: Array
+    anchor: Array
+    axis: Array
 
 
-def joint_motion(context: Context, joint: BodyJoint) -> JointMotion:
+def joint_motion(recording: Recording, scenario: Scenario, joint: BodyJoint) -> JointMotion:
     """Motion of a joint, whose frame and anchors are those of its bodies in the first frame."""
-    place, turn = _poses(context, joint.parent)
-    other, turned = _poses(context, joint.child)
+    place, turn = _poses(recording, scenario, joint.parent)
+    other, turned = _poses(recording, scenario, joint.child)
     anchor, axis = np.array(joint.anchor), np.array(joint.axis)
     start, end = (
         at + pose.apply(pose[0].inv().apply(anchor - at[0])) for at, pose in ((place, turn), (other, turned))
@@ -45,15 +49,18 @@ def joint_motion(context: Context, joint: BodyJoint) -> JointMotion:
         angle = np.arctan2(np.linalg.norm(np.cross(axis, shown), axis=1), shown @ axis)
     elif joint.type == "ball":
         angle = np.zeros(len(apart))
-    return JointMotion(np.linalg.norm(apart, axis=1), angle, position)
+    return JointMotion(np.linalg.norm(apart, axis=1), angle, position, start, back.inv().apply(axis))
 
 
-def _poses(context: Context, name: str) -> tuple[Array, Rotation]:
+def _of(context: Context, joint: BodyJoint) -> JointMotion:
+    return joint_motion(context.recording, context.scenario, joint)
+
+
+def _poses(r: Recording, scenario: Scenario, name: str) -> tuple[Array, Rotation]:
     """Places (f, 3) of a body's origin and its orientations; those of the world for its name."""
-    r = context.recording
     if name == WORLD:
         return np.zeros((len(r.time), 3)), Rotation.identity(len(r.time))
-    k = context.scenario.body_index(name)
+    k = scenario.body_index(name)
     return r.position[:, k], Rotation.from_quat(r.orientation[:, k], scalar_first=True)
 
 
@@ -65,16 +72,12 @@ def _joints(context: Context) -> tuple[BodyJoint, ...]:
 
 def joint_drift(context: Context) -> Values:
     """Largest distance of the two anchors of a joint between bodies, across the axis of a slider [m]."""
-    return worst({one.name: float(joint_motion(context, one).gap.max()) for one in _joints(context)})
+    return worst({one.name: float(_of(context, one).gap.max()) for one in _joints(context)})
 
 
 def joint_turn(context: Context) -> Values:
     """Largest angle by which a joint between bodies turns otherwise than it may [rad]."""
-    found = {
-        one.name: float(joint_motion(context, one).turn.max())
-        for one in _joints(context)
-        if one.type != "ball"
-    }
+    found = {one.name: float(_of(context, one).turn.max()) for one in _joints(context) if one.type != "ball"}
     if not found:
         raise NotMeasured("ball joints may turn in every way")
     return worst(found)
@@ -88,6 +91,37 @@ def joint_stop(context: Context) -> Values:
     return worst(found)
 
 
+def joint_force(context: Context) -> Values:
+    """Largest error of the mean force on a joint in a displayed frame, over the largest true force [1].
+
+    The force is what changes the momentum of the bodies that hang on the joint, beside gravity: of joints
+    outside loops, whose bodies all have truths and touch nothing.
+    """
+    if not context.truths:
+        raise NotMeasured("the scene has no closed form")
+    r, gravity = context.recording, np.array(context.gravity)
+    mass = np.array([body.mass for body in context.scenario.bodies])
+    touched = {int(body) for side in ("body_a", "body_b") for body in r.contacts[side]}
+    error, true = {}, 0.0
+    for joint in _joints(context):
+        hanging = [context.scenario.body_index(name) for name in beyond(context.scenario, joint)]
+        if not hanging or touched & {*hanging} or not {*hanging} <= context.truths.keys():
+            continue
+        weight = mass[hanging].sum() * gravity
+        forces = [
+            np.diff(np.tensordot(mass[hanging], np.array(velocity), 1), axis=0) / context.frame - weight
+            for velocity in (
+                [r.linear_velocity[:, k] for k in hanging],
+                [context.truths[k].velocity for k in hanging],
+            )
+        ]
+        error[joint.name] = float(np.linalg.norm(forces[0] - forces[1], axis=1).max())
+        true = max(true, float(np.linalg.norm(forces[1], axis=1).max()))
+    if not error or true == 0:
+        raise NotMeasured("no joint outside loops carries a known force")
+    return worst({name: size / true for name, size in error.items()})
+
+
 def bounded(scenario: Scenario, kind: str) -> list[BodyJoint]:
     """Joints between bodies of one type that have limits."""
     return [
@@ -97,7 +131,7 @@ def bounded(scenario: Scenario, kind: str) -> list[BodyJoint]:
 
 def excess(context: Context, joint: BodyJoint) -> Array:
     """Excess of a joint over its limits per frame (f,) [rad, m]; 0 within."""
-    q = joint_motion(context, joint).position
+    q = _of(context, joint).position
     return np.maximum(0.0, np.maximum(joint.lower - q, q - joint.upper))
 
 
@@ -106,7 +140,7 @@ def spring_energy(context: Context) -> Array:
     total = np.zeros(len(context.recording.time))
     for joint in context.scenario.body_joints:
         if joint.type in ALONG_AXIS and joint.stiffness:
-            total += joint.stiffness * (joint_motion(context, joint).position - joint.target) ** 2 / 2
+            total += joint.stiffness * (_of(context, joint).position - joint.target) ** 2 / 2
     return total
 
 

@@ -17,6 +17,8 @@ STUDY = "work-precision"
 REFERENCE = "reference"
 PROBES = ("fall", "bounce_e05", "collide_oblique", "slide", "slip", "stack")
 """Probes of the default study: flight, impact, oblique impact, sliding, rolling, resting."""
+MECHANISMS = ("double_pendulum", "slider_crank")
+"""Mechanisms of the default study: a tree and a loop."""
 QUICK = ("ball_snip", "fall", "bounce_e05", "slide", "stack")
 STEPS = tuple(1 / (60 * 2**k) for k in range(6))
 """Native steps of every engine [s]."""
@@ -105,10 +107,10 @@ QUANTITIES = {
 
 
 def scenes(quick: bool = False) -> tuple[str, ...]:
-    """Default scenes: the gallery and six probes."""
+    """Default scenes: the gallery, six probes and two mechanisms."""
     if quick:
         return QUICK
-    return (*(scenario.name for scenario in tagged("gallery")), *PROBES)
+    return (*(scenario.name for scenario in tagged("gallery")), *PROBES, *MECHANISMS)
 
 
 def profiles_of(engine: str) -> tuple[str, ...]:

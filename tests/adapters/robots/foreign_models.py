@@ -16,17 +16,27 @@ PYBULLET = (
     "pr2_gripper.urdf",
     "pendulum5.urdf",
     "mjcf/humanoid.xml",
+    "aliengo/aliengo.urdf",
+    "laikago/laikago_toes_zup.urdf",
     "mini_cheetah/mini_cheetah.urdf",  # refused: an inertia that no body has
     "mjcf/hopper.xml",  # refused: global coordinates
 )
-GYMNASIUM = ("ant.xml", "half_cheetah.xml", "walker2d.xml", "pusher.xml", "humanoid.xml")  # the last: tendons
+GYMNASIUM = (
+    *("ant.xml", "half_cheetah.xml", "walker2d.xml", "hopper.xml", "pusher.xml"),
+    "humanoid.xml",  # refused: tendons
+)
 DM_CONTROL = (
-    "humanoid.xml",
-    "humanoid_CMU.xml",
-    "finger.xml",
-    "acrobot.xml",
-    "quadruped.xml",
-)  # last: tendons
+    *(
+        "humanoid.xml",
+        "humanoid_CMU.xml",
+        "finger.xml",
+        "acrobot.xml",
+        "walker.xml",
+        "cheetah.xml",
+        "hopper.xml",
+    ),
+    "quadruped.xml",  # refused: tendons
+)
 ROBOT_DATA = (
     "panda_description/urdf/panda.urdf",
     "ur_description/urdf/ur5_robot.urdf",
@@ -40,6 +50,13 @@ ROBOT_DATA = (
     "z1_description/urdf/z1.urdf",
     "xarm_description/urdf/xarm7.urdf",
     "double_pendulum_description/urdf/double_pendulum.urdf",
+    "a1_description/urdf/a1.urdf",
+    "laikago_description/urdf/laikago.urdf",
+    "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+    "kinova_description/robots/kinova.urdf",
+    "so_arm_description/urdf/so100.urdf",
+    "solo_description/robots/solo.urdf",
+    "borinot_description/urdf/borinot_flying_arm_2.urdf",
     "allegro_hand_description/urdf/allegro_right_hand.urdf",  # refused: an inertia that no body has
     "romeo_description/urdf/romeo.urdf",  # refused: fingers without mass
 )

@@ -23,6 +23,7 @@ from touchstone.adapters.robots.source import compiled
 from touchstone.scenarios.files.read import read_scene
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.scenario import Box, Cylinder, Scenario
+from touchstone.scenarios.triangle_mesh import solid_below
 
 QUICK = (
     *("kuka_iiwa/model.urdf", "quadruped/minitaur.urdf", "pendulum5.urdf", "mjcf/humanoid.xml"),
@@ -53,6 +54,14 @@ BODY = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
   <geom type="capsule" fromto="0 0 0 0 0.1 -0.4" size="0.05"/>
   <body name="foot" pos="0 0.1 -0.4"><joint name="ankle" pos="0 0.02 0" axis="0 1 0"/>
    <geom size="0.06"/></body></body></body></worldbody></mujoco>
+"""
+
+
+TERRAIN = """<mujoco><asset><mesh name="groove" file="groove.obj"/>
+ <hfield name="hill" nrow="3" ncol="4" size="0.6 0.4 0.3 0.1" elevation="0 1 2 1  3 0 2 1  1 2 0 3"/></asset>
+<worldbody><geom name="field" type="hfield" hfield="hill" pos="0.1 0 0.2" euler="0 0 20"/>
+<body pos="2 0 0" euler="0 0 30"><geom name="rock" type="mesh" mesh="groove"/></body>
+<body pos="0 0 2"><freejoint/><geom size="0.1"/></body></worldbody></mujoco>
 """
 
 
@@ -307,7 +316,7 @@ def test_foreign_models_import_and_weigh_the_same_in_every_engine(capsys):
     assert complete >= 25
 
 
-BELT = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1" pos="0 0 -1"/>
+BELT = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1" pos="40 5 -1" euler="0 0 30"/>
 <geom name="belt" type="box" size="2 .3 .1" pos="0 0 -.1" surfacevel="1 0 0 0 0 0"/>
 <geom name="disc" type="plane" size="1 1 1" pos="0 0 -3" surfacevel="0 0 0 0 2 0.5"/>
 <body name="load" pos="0 0 .1"><freejoint/>
@@ -321,7 +330,8 @@ def test_belts_keep_their_surface_velocity(robot):
     assert bodies.keys() == {"world", "belt", "disc", "load"}
     (piece,) = bodies["belt"].pieces
     assert (piece.surface_velocity, piece.surface_angular_velocity) == ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    # the slab of a plane has its origin 0.5 m below it
+    # the slab of a plane has its origin 0.5 m below that point of it which is next to the world's
+    np.testing.assert_allclose(bodies["world"].pieces[0].position, (0.0, 0.0, -1.5), atol=1e-12)
     (piece,) = bodies["disc"].pieces
     assert (piece.surface_velocity, piece.surface_angular_velocity) == ((-1.0, 0.0, 0.0), (0.0, 2.0, 0.5))
     assert bodies["load"].pieces[0].surface_velocity == (0.0, 0.0, 0.0)
@@ -329,3 +339,44 @@ def test_belts_keep_their_surface_velocity(robot):
     seen = record(load("reference"), replace(found.scenario, duration=1.0), Settings("balanced", 1 / 60))
     # it slides for 1 / g seconds, mu = 1
     assert seen.position[-1, -1, 0] == pytest.approx(1 - 1 / (2 * 9.81), abs=1e-6)
+
+
+def test_terrain_keeps_its_triangles(robot, tmp_path):
+    """A height field's surface is where MuJoCo's rays meet it; a fixed mesh with a hollow has its triangles,
+    in the world's frame, and its hull if it is not closed."""
+    x, y = np.meshgrid((-0.5, 0.0, 0.5), (-0.4, 0.4), indexing="ij")
+    groove = solid_below(np.stack([x, y, np.abs(x)], axis=-1), -0.2)
+    lines = [f"v {a} {b} {c}" for a, b, c in groove.vertices]
+    faces = ["f {} {} {}".format(*(k + 1 for k in corners)) for corners in groove.triangles]
+    (tmp_path / "groove.obj").write_text("\n".join([*lines, *faces]))
+    found = robot(TERRAIN)
+    field, rock = (body for body in found.scenario.bodies if body.kind == "fixed")
+    assert len(field.pieces) == 12
+    assert len(rock.pieces) == len(faces)
+    assert any(f"{len(faces)} triangles" in note for note in found.notes)
+    corners = [np.array(piece.shape.vertices[:3]) for piece in rock.pieces]
+    turned = [world_of(piece, top) for piece, top in zip(rock.pieces, corners)]
+    expected = {
+        tuple(np.round(p, 6)) for p in Rotation.from_euler("z", 30, True).apply(groove.vertices) + (2, 0, 0)
+    }
+    assert {tuple(np.round(p, 6)) for p in np.concatenate(turned)} == expected
+
+    model = compiled(tmp_path / "robot.xml").model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for weights in np.random.default_rng(0).dirichlet(np.ones(3), 5):
+        for piece in field.pieces:
+            place = weights @ world_of(piece, np.array(piece.shape.vertices[:3]))
+            down, geom = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32)
+            above = mujoco.mj_ray(model, data, place + (0, 0, 1.0), down, None, 1, -1, geom)
+            assert above == pytest.approx(1.0, abs=1e-6)
+
+    (tmp_path / "open.obj").write_text("\n".join([*lines, *faces[1:]]))
+    found = robot(TERRAIN.replace("groove.obj", "open.obj"))
+    assert [len(body.pieces) for body in found.scenario.bodies if body.kind == "fixed"] == [12, 1]
+    assert any("expected a closed mesh" in note for note in found.notes)
+
+
+def world_of(piece, points: np.ndarray) -> np.ndarray:
+    """Points of a piece's frame in that of its body."""
+    return Rotation.from_quat(piece.orientation, scalar_first=True).apply(points) + piece.position

@@ -87,6 +87,7 @@ def test_show_in_every_format(touchstone, form):
         ("slider_spring", "slider  slider  (world)  block  (0, 0, 0)   (0.866025, 0, -0.5)  "),
         ("gripper_lifts", "c 1000, rate 10, at most 20"),
         ("ragdoll_stairs", "0 to 2.4  c 0.5"),
+        ("n_bar", "redundant loops: others imply 9 of the joints' 50 equations; the least forces count"),
     ],
 )
 def test_show_tells_the_truth(touchstone, monkeypatch, scene, line):

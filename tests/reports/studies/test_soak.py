@@ -10,7 +10,7 @@ import pytest
 from touchstone.reports.studies.soak import Extent, shrunk, soak
 from touchstone.scenarios.files.named import scenes_of_file
 from touchstone.scenarios.random_scenes import random_scene
-from touchstone.scenarios.scenario import Sphere
+from touchstone.scenarios.scenario import BodyJoint, Sphere
 
 
 @pytest.fixture(autouse=True)
@@ -48,6 +48,20 @@ def test_a_planted_bug_shrinks_to_its_core():
     assert found.frame_count == 10
     pair = found.coefficients[0]
     assert (pair.friction, pair.restitution) == (0.0, 0.0)
+
+
+def test_a_mechanism_shrinks_to_its_joint():
+    """What is left of a failing slider is its two bodies and it, without spring, damper and limits."""
+
+    def slides(scenario):
+        return any(joint.type == "slider" for joint in scenario.body_joints)
+
+    made = (random_scene(seed, "mechanism") for seed in range(50))
+    scenario = next(one for one in made if slides(one) and len(one.body_joints) > 2)
+    found = shrunk(scenario, slides)
+    (joint,) = found.body_joints
+    assert joint == BodyJoint(joint.name, "slider", joint.parent, joint.child, joint.anchor, joint.axis)
+    assert {body.name for body in found.bodies} == {joint.parent, joint.child} - {""}
 
 
 def test_tries_are_bounded():

@@ -335,6 +335,89 @@ def test_a_wrong_height_field_is_one_line(scene, old, new, expected):
     assert fault.startswith(expected)
 
 
+MESH = """
+[[bodies]]
+name = "ground"
+kind = "fixed"
+material = "wood"
+[bodies.mesh]
+vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+triangles = [
+  [0, 2, 1],
+  [0, 1, 3],
+  [1, 2, 3],
+  [2, 0, 3],
+]
+"""
+OBJ = """v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 1
+f 1/1 3/1 2/1
+f 1 2 4
+f 2 3 4
+f -2 -4 -1
+"""
+
+
+def test_a_mesh_gives_a_body_its_pieces(scene, tmp_path):
+    """A tetrahedron per triangle, of lists, of an OBJ file, and of STL as text and binary."""
+    expected = scene(SOUND + MESH).bodies[1].pieces
+    assert [piece.name for piece in expected] == [f"triangle_{k}" for k in range(4)]
+    corners = np.array([piece.shape.vertices[:3] for piece in expected])
+    text = "".join(
+        "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in one) + "endloop\n"
+        for one in corners
+    )
+    (tmp_path / "rock.obj").write_text(OBJ)
+    (tmp_path / "text.stl").write_text(f"solid rock\n{text}endsolid")
+    rows = b"".join(b"\0" * 12 + one.astype("<f4").tobytes() + b"\0\0" for one in corners)
+    (tmp_path / "rock.stl").write_bytes(b"\0" * 80 + (4).to_bytes(4, "little") + rows)
+    for name in ("rock.obj", "text.stl", "rock.stl"):
+        given = MESH.partition("[bodies.mesh]")[0] + f'mesh = {{ file = "{name}" }}\n'
+        assert scene(SOUND + given).bodies[1].pieces == expected
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "[[0.0, 0.0, 0.0]",
+            "[[nan, 0.0, 0.0]",
+            "17: bodies[1].mesh.vertices[0]: found (nan, 0.0, 0.0), exp",
+        ),
+        ("  [0, 1, 3],\n", "", "18: bodies[1].mesh.triangles: found 3, expected 4 to 8192"),
+        ("[0, 1, 3]", "[0, 1, 4]", "20: bodies[1].mesh.triangles[1]: found (0, 1, 4), expected three diffe"),
+        ("[0, 1, 3]", "[1, 0, 3]", "19: bodies[1].mesh.triangles[0]: 2 run along the edge 1-0 in one direc"),
+        (
+            "  [2, 0, 3],",
+            "  [2, 0, 3],\n  [1, 0, 2],",
+            "19: bodies[1].mesh.triangles[0]: 3 at the edge 0-2, expected two",
+        ),
+        (
+            "[0.0, 0.0, 1.0]]",
+            "[0.5, 0.0, 1e-4]]",
+            "20: bodies[1].mesh.triangles[1]: a sliver: its height is 0.0001 m over a side of 1 m",
+        ),
+        ("[0.0, 0.0, 1.0]]", "[0.0, 0.0, -1.0]]", "18: bodies[1].mesh.triangles: enclose -0.167 m^3, expe"),
+        (
+            "[bodies.mesh]",
+            '[bodies.mesh]\nfile = "a.obj"',
+            "17: bodies[1].mesh.file: found with vertices, tr",
+        ),
+        (
+            "triangles =",
+            "faces =",
+            "18: bodies[1].mesh.faces: unknown field 'faces' (valid: vertices, triangl",
+        ),
+    ],
+)
+def test_a_wrong_mesh_names_its_place(scene, old, new, expected):
+    """The first fault has its file, its line and what is expected."""
+    fault, *_ = scene(SOUND + MESH.replace(old, new))
+    assert fault.startswith(f"drop.toml:{expected}")
+
+
 CORNER = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 SHAPED = """
 [[bodies]]
