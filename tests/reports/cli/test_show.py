@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import pytest
@@ -95,28 +93,6 @@ def test_show_tells_the_truth(touchstone, monkeypatch, scene, line):
     code, out, err = touchstone("show", scene)
     assert (code, err) == (0, "")
     assert line in out
-
-
-def test_show_knows_the_nearest_name(touchstone):
-    """An unknown scene is one line there too."""
-    code, out, err = touchstone("show", "ball_snap")
-    assert (code, out) == (2, "")
-    assert "did you mean 'ball_snip'" in err
-
-
-def test_a_closed_pipe_is_no_error():
-    """A reader that stops reading, as `head` does, sees no traceback."""
-    arguments = ["touchstone", "show", "ball_snip", "--format", "json"]
-    code = f"import sys; sys.argv = {arguments}; from touchstone.reports.cli.main import main; main()"
-    program = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    program.stdout.read(10)
-    program.stdout.close()
-    err = program.stderr.read()
-    program.wait(30)
-    program.stderr.close()
-    assert "Traceback" not in err
 
 
 def test_a_narrow_terminal_cuts_no_word(capsys, monkeypatch):
