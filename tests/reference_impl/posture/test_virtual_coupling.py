@@ -76,14 +76,18 @@ def test_rotation_is_critically_damped() -> None:
         np.testing.assert_allclose(rows["omega"][0], -0.5 * w * w * t * np.exp(-w * t) * axis, atol=1e-11)
 
 
-def test_rotation_keeps_up_with_a_steady_tracker() -> None:
-    """Stay on a tracker that turns steadily when already turning with it."""
-    rows, spin = driver(), np.array([0.0, 3.0, 4.0])
-    rows["omega"] = spin
+def test_a_steady_tracker_is_kept_up_with() -> None:
+    """Stay on a tracker that moves and turns steadily when already moving and turning with it."""
+    rows, pace, spin = driver(), np.array([1.0, -2.0, 0.5]), np.array([0.0, 3.0, 4.0])
+    rows["velocity"], rows["omega"] = pace, spin
     for frame in range(1, 31):
-        rows["old_target_orientation"] = rows["target_orientation"]
+        for name in ("position", "orientation"):
+            rows[f"old_target_{name}"] = rows[f"target_{name}"]
+        rows["target_position"] = pace * frame / 60
         rows["target_orientation"] = Rotation.from_rotvec(spin * frame / 60).as_quat(scalar_first=True)
         follow_tracker(rows[0], 1 / 60)
+    np.testing.assert_allclose(rows["position"], rows["target_position"], atol=1e-13)
+    np.testing.assert_allclose(rows["velocity"][0], pace, atol=1e-12)
     np.testing.assert_allclose(
         np.abs(rows["orientation"][0] @ rows["target_orientation"][0]), 1.0, atol=1e-14
     )
