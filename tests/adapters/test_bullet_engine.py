@@ -7,13 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Settings, State, Unsupported
-from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.recorder import record
-from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios import scenario as s
 
 pybullet = pytest.importorskip("pybullet", reason="pybullet is not installed")
-from touchstone.adapters.engines.bullet.engine import BASE, BulletEngine  # noqa: E402
+from touchstone.adapters.engines.bullet.engine import BulletEngine  # noqa: E402
 
 DT, G = 1 / 240, 9.81
 RECOMMENDED = Settings("recommended", DT)
@@ -122,47 +120,6 @@ def test_unsupported_scenes_are_named():
         BulletEngine().build(scene(FLOOR), Settings("paper", DT))
 
 
-def test_driven_body_starts_on_its_tracker_and_follows_it():
-    """Links start in the tracker's posture, agree with our kinematics in motion and reach the target."""
-    scenario = arm()
-    world, state = start(scenario)
-    reference = translate(scenario)
-    for step in range(241):
-        driver = reference.drivers[0]
-        driver["position"], driver["orientation"] = state.position[0], state.orientation[0]
-        reference.joints["angle"] = state.joint_angle
-        pose_links(reference.bodies, reference.joints, driver)
-        assert state.position == pytest.approx(reference.bodies["position"], abs=ROUNDING)
-        dots = (state.orientation * reference.bodies["orientation"]).sum(axis=1)
-        assert np.abs(dots) == pytest.approx(1.0, abs=ROUNDING)
-        if step < 240:
-            advance(world, state, step)
-    assert state.joint_angle == pytest.approx([0.8, 0.4], abs=0.01)  # what is left of a servo's lag
-    assert state.position[0] == pytest.approx([0.1, 0.0, 1.0], abs=2e-3)  # likewise of the coupling
-
-
-def test_commands_change_momentum_as_reported():
-    """From rest, force and torque on the root are the links' linear and angular momentum, hinges cancel."""
-    scenario = arm(turn=False)
-    world, before = start(scenario)
-    after, target = State(scenario), world._drives[0].target
-    target.position[0] += (1e-3, -2e-3, 3e-3)
-    target.orientation[0] = Rotation.from_rotvec((2e-3, 3e-3, -1e-3)).as_quat(scalar_first=True)
-    advance(world, after, 0)
-    momentum, spin = np.zeros(3), np.zeros(3)
-    for k, body in enumerate(scenario.bodies):
-        axes = Rotation.from_quat(before.orientation[k], scalar_first=True).as_matrix()
-        p = body.mass * after.linear_velocity[k]
-        momentum += p
-        spin += np.cross(before.position[k] + axes @ body.center_of_mass - before.position[0], p)
-        spin += axes @ np.array(body.inertia) @ axes.T @ after.angular_velocity[k]
-    # to first order in the step: the links turn by some 1e-4 rad within it
-    force, torque = after.force[0] * DT, after.torque[0] * DT
-    assert np.abs(after.hinge_torque).min() > 0
-    assert momentum == pytest.approx(force, abs=1e-3 * np.abs(force).max())
-    assert spin == pytest.approx(torque, abs=1e-3 * np.abs(torque).max())
-
-
 def test_accurate_contacts_tell_no_force_of_an_earlier_step():
     """Bounces account for the change of momentum, to the last step: points left out have no force."""
     settings = Settings("accurate", BulletEngine.profiles["accurate"])
@@ -221,15 +178,6 @@ def test_a_hull_rests_on_its_surface(profile, height):
     dt = BulletEngine.profiles[profile]
     final = record(BulletEngine(), scenario, Settings(profile, dt)).position[-1, 1, 2]
     assert final == pytest.approx(0.05 + height, abs=2 * CORNER)  # contactSlop and corners: 1e-5 m each
-
-
-def test_hull_corners_are_ours():
-    """The corners Bullet keeps of a hull are the scenario's, to its rounding."""
-    world, _ = start(scene(mover(CUBE)))
-    _, corners = pybullet.getMeshData(world._bodies.free[0].id, BASE, **world._on)
-    gaps = np.linalg.norm(np.array(corners)[:, None] - np.array(CUBE.vertices), axis=2)
-    assert len(corners) == 8
-    assert max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) < CORNER
 
 
 @pytest.mark.parametrize("profile", ["recommended", "maximal"])

@@ -48,11 +48,7 @@ READ_BACK = {
 @pytest.fixture(autouse=True)
 def named():
     """Drake is known as long as a test of this file runs."""
-    before = dict(ENGINES)
     registered("drake")
-    yield
-    ENGINES.clear()
-    ENGINES.update(before)
 
 
 def settings(profile: str = "default") -> Settings:

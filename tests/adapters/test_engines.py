@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -209,14 +209,3 @@ def test_pairs_that_may_not_touch_never_do(registry, name):
     assert np.linalg.norm(rows["normal"], axis=1) == pytest.approx(1.0, abs=1e-9)
     pushing = np.einsum("ij,ij->i", rows["impulse"], rows["normal"])
     assert pushing.min() >= -1e-9  # contacts push; rounding of a solver
-
-
-@pytest.mark.parametrize("name", ENGINES)
-def test_playing_again_gives_the_same_motion(registry, name):
-    """An engine is repeatable: the first frames played again are the same to the bit."""
-    scenario = replace(catalogue()["ball_snip"], duration=0.5, expectations=())
-    again = record(registry.engine(name), scenario, registry.settings(name))
-    whole = registry.played("ball_snip", name)
-    count = len(again.time) - 1
-    for field in ("position", "orientation", "linear_velocity", "joint_angle"):
-        assert (getattr(again, field)[:count] == getattr(whole, field)[:count]).all(), field

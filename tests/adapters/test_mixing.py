@@ -92,13 +92,6 @@ def test_unsolvable_tables_name_engine_kind_and_pairs(rule, scenario, named):
         mixed(rule, scenario)
 
 
-def test_many_missed_pairs_are_counted():
-    """The first four missed pairs are named, the others counted."""
-    scenario = crowd("aaabbb", aa=0.9, ab=0.1, bb=0.9)
-    with pytest.raises(Unsupported, match=r"p-s, p-t, p-u, q-s and 5 more$"):
-        mixed("minimum", scenario)
-
-
 def meeting(*materials):
     """A fixed ball of the first material and free ones of the others, under table 1 of the method."""
     ball = crowd("a").bodies[0]

@@ -130,12 +130,6 @@ def measured_row(context: Context) -> list[float]:
     return [getattr(value, "value", value) for value in found.values()]
 
 
-def test_results_name_another_drive() -> None:
-    """File results of explicit torques under a label of their own."""
-    assert Settings("recommended", EQUAL).label == "recommended"
-    assert Settings("recommended", EQUAL, drive="torque").label == "recommended, drive=torque"
-
-
 @pytest.mark.parametrize("name", ENGINES)
 def test_manifests_tell_the_drive(registry: SimpleNamespace, name: str) -> None:
     """Say in the manifest how roots and hinges are driven."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from importlib.metadata import version
 from types import SimpleNamespace
@@ -15,7 +14,6 @@ from touchstone.adapters.contract import NotInstalled
 from touchstone.adapters.engines.entry import ENGINES
 from touchstone.adapters.registry import installed, load, missing_reason, own_environment, packages_of
 from touchstone.adapters.workers.import_check import try_imports
-from touchstone.adapters.workers.own_environment import OwnEnvironmentError
 from touchstone.adapters.workers.play import play
 from touchstone.adapters.workers.pool import EngineProcess
 from touchstone.scenarios.catalogue import catalogue
@@ -73,14 +71,3 @@ def test_a_broken_environment_is_named(owned):
     (owned.folder / f"{CONFLICTING}-99.0.dist-info").rename(owned.folder / "gone")
     file.write_text(ADAPTER)
     assert owned.fault() == f"{CONFLICTING}==99.0 is missing"
-
-
-def test_what_pip_does_not_find_is_one_line(owned, monkeypatch):
-    """Without a wheel there is no environment, nor a part of one."""
-    monkeypatch.setenv("PIP_FIND_LINKS", "")
-    with pytest.raises(OwnEnvironmentError) as found:
-        owned.add()
-    python = ".".join(map(str, sys.version_info[:2]))
-    told = f"owned: pip finds no owned for Python {python}: it is not released, or there is no connection"
-    assert str(found.value) == told
-    assert list(owned.folder.parent.iterdir()) == []

@@ -120,23 +120,6 @@ def test_random_persons_need_no_more_than_their_plan(lab, registry, seed: int) -
     assert_person_sound(lab, registry, seed)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("part", range(4))
-def test_400_random_persons_need_no_more_than_their_plan(lab, registry, part: int) -> None:
-    """The same for 400 persons, in four parts."""
-    for seed in range(10**6 + 100 * part, 10**6 + 100 * (part + 1)):
-        assert_person_sound(lab, registry, seed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", range(10))
-def test_5000_random_scenes_need_no_more_than_their_plan(lab, registry, part: int) -> None:
-    """The same for 5,000 scenes, in ten parts."""
-    for seed in range(10**6 + 500 * part, 10**6 + 500 * (part + 1)):
-        rng = np.random.default_rng(seed)
-        assert_sound(registry, random_scene(lab, rng), rng)
-
-
 @pytest.mark.parametrize("name", ["reference", "dart", "bullet", "mujoco"])
 @pytest.mark.parametrize("scene", ["fall", "tumble_stable", "spring", "bounce_e05"])
 def test_engines_play_what_is_left(registry: SimpleNamespace, name: str, scene: str) -> None:

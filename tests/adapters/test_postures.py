@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from touchstone.scenarios.avatar.driven_poses import driven_pieces, moved
+from touchstone.scenarios.avatar.driven_poses import driven_pieces
 from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Tracker
 from touchstone.scenarios.solids import sphere_inertia
 
@@ -29,12 +28,3 @@ def test_a_bent_arm(lab) -> None:
     assert upper.position == pytest.approx((1.0, 2.0, 4.0), abs=ROUNDING)
     # the elbow is 2 m up; a right angle about the turned y, which is -x, leads up to +y
     assert lower.position == pytest.approx((1.0, 3.0, 5.0), abs=ROUNDING)
-
-
-def test_moving_is_turning_then_shifting() -> None:
-    """Turn about the origin, then shift; the piece turns with its position."""
-    turn = Rotation.from_rotvec((0.0, 0.0, np.pi / 2))
-    found = moved(Piece("a", Box((1.0, 2.0, 3.0)), (1.0, 0.0, 0.0)), turn, np.array([0.0, 0.0, 5.0]))
-    assert found.position == pytest.approx((0.0, 1.0, 5.0), abs=ROUNDING)
-    assert found.orientation == pytest.approx((0.5**0.5, 0.0, 0.0, 0.5**0.5), abs=ROUNDING)
-    assert (found.name, found.shape) == ("a", Box((1.0, 2.0, 3.0)))

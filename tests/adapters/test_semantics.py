@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from touchstone.adapters.contract import Settings, State
+from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ACCURATE, ENGINES
 from touchstone.reports.studies.calibration.probes import (
@@ -88,83 +88,6 @@ def test_mixed_restitutions_are_those_of_the_pairs(registry, name):
     assert returned == pytest.approx([e["fa"], e["fb"]], abs=0.1)
 
 
-@pytest.mark.parametrize("name", ENGINE_NAMES)
-def test_contacts_are_those_of_the_steps_start(registry, lab, name):
-    """After a step a contact's distance is that before it, though the ball has moved since."""
-    depth, speed = 1e-3, 1.0
-    ball = lab.ball("ball", (0.0, 0.0, 0.05 - depth), linear_velocity=(0.0, 0.0, -speed))
-    scenario, settings = lab.scene(lab.ground(), ball, e=0.5), registry.settings(name)
-    world, state = registry.engine(name).build(scenario, settings), State(scenario)
-    world.drive(0)
-    world.step()
-    world.read(state)
-    world.close()
-    moved = state.position[1, 2] - (0.05 - depth)
-    assert state.contacts[0]["distance"] == pytest.approx(-depth, abs=1e-6)
-    assert abs(moved) > 1e-4
-
-
-def test_dart_points_normals_from_body_2_to_body_1():
-    """All four detectors of DART do, in whichever order they name the two."""
-    dartpy = pytest.importorskip("dartpy", reason="dartpy is not installed")
-    orders = set()
-    for kind in ("FCL", "Bullet", "DART", "Ode"):
-        detector = getattr(dartpy.collision, f"{kind}CollisionDetector")()
-        for first in ("ball", "box"):
-            group, frames = detector.createCollisionGroup(), {}
-            for name in (first, "box" if first == "ball" else "ball"):
-                skeleton = dartpy.dynamics.Skeleton(name)
-                _, node = skeleton.createWeldJointAndBodyNodePair()
-                shape = (
-                    dartpy.dynamics.SphereShape(0.1)
-                    if name == "ball"
-                    else dartpy.dynamics.BoxShape([1, 1, 1])
-                )
-                frame = node.createShapeNode(shape, name)
-                place = dartpy.math.Isometry3()
-                place.set_translation([0.0, 0.0, 0.59 if name == "ball" else 0.0])
-                frame.setRelativeTransform(place)
-                frame.createCollisionAspect()
-                group.addShapeFrame(frame)
-                frames[name] = skeleton, frame
-            result = dartpy.collision.CollisionResult()
-            group.collide(dartpy.collision.CollisionOption(True, 10), result)
-            contact = result.getContact(0)
-            one = contact.collisionObject1.getShapeFrame().getName()
-            orders.add((kind, first, one))
-            np.testing.assert_allclose(contact.normal, [0, 0, 1 if one == "ball" else -1], atol=1e-6)
-            assert contact.penetrationDepth == pytest.approx(0.01, abs=1e-6)
-    named = {(kind, first == one) for kind, first, one in orders}
-    assert {kind for kind, kept in named if not kept} <= {"FCL", "Ode"}
-
-
-def test_darts_ode_detector_makes_an_ellipsoid_a_small_ball():
-    """It puts a ball of 1 cm in its place and only prints an error: one more reason not to take it."""
-    dartpy = pytest.importorskip("dartpy", reason="dartpy is not installed")
-    detector = dartpy.collision.OdeCollisionDetector()
-
-    def touches(height: float) -> bool:
-        group, kept = detector.createCollisionGroup(), []
-        for name, shape, z in (
-            ("egg", dartpy.dynamics.EllipsoidShape([0.6, 0.6, 0.6]), height),
-            ("box", dartpy.dynamics.BoxShape([1.0, 1.0, 1.0]), -0.5),
-        ):
-            skeleton = dartpy.dynamics.Skeleton(name)
-            _, node = skeleton.createWeldJointAndBodyNodePair()
-            frame = node.createShapeNode(shape, name)
-            place = dartpy.math.Isometry3()
-            place.set_translation([0.0, 0.0, z])
-            frame.setRelativeTransform(place)
-            frame.createCollisionAspect()
-            group.addShapeFrame(frame)
-            kept.append((skeleton, frame))
-        result = dartpy.collision.CollisionResult()
-        return bool(group.collide(dartpy.collision.CollisionOption(True, 10), result))
-
-    assert touches(0.009)
-    assert not touches(0.011)
-
-
 def bullet_body(**options):
     """A client of pybullet with one ball of 10 cm and 1 kg, and how to address both."""
     pybullet = pytest.importorskip("pybullet", reason="pybullet is not installed")
@@ -231,43 +154,3 @@ def test_coefficients_that_are_refused_would_be_altered(registry, monkeypatch, n
     speed = kept.linear_velocity[:, 1, 0]
     # a thin plate does not tip, but does not press evenly at once either
     assert (speed[1] - speed[5]) / (4 / 60) / G == pytest.approx(achieved, rel=0.1, abs=1e-9)
-
-
-def mujoco_contact(first: str, second: str):
-    """The contact of a ball with a plane whose geoms say so much about friction and solref."""
-    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-    model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><worldbody><geom type="plane" size="5 5 .1" {first}/>'
-        f'<body pos="0 0 .099"><freejoint/><geom size=".1" {second}/></body></worldbody></mujoco>'
-    )
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    return data.contact
-
-
-def test_mujoco_mixes_geoms_by_rules_we_do_not_use():
-    """Friction is the larger, solref the mean where positive and the least of each where direct."""
-    assert mujoco_contact('friction=".2"', 'friction=".6"').friction[0, 0] == pytest.approx(0.6)
-    soft = mujoco_contact('solref=".02 1"', 'solref=".04 .5"').solref[0]
-    np.testing.assert_allclose(soft, (0.03, 0.75), atol=1e-15)
-    direct = mujoco_contact('solref="-100 -10"', 'solref="-200 -5"').solref[0]
-    np.testing.assert_allclose(direct, (-200, -10), atol=1e-15)
-
-
-def mujoco_ball(option: str = ""):
-    """A free ball of MuJoCo: (mujoco, model, data)."""
-    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-    model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><option timestep="0.01" {option}/><worldbody><body><freejoint/><geom size=".1"/></body>'
-        "</worldbody></mujoco>"
-    )
-    return mujoco, model, mujoco.MjData(model)
-
-
-def test_mujoco_resets_silently():
-    """By default a bad state is replaced by the initial one, with a warning that is only counted."""
-    mujoco, model, data = mujoco_ball()
-    data.qpos[0], data.qvel[0] = 7.0, 1e300
-    mujoco.mj_step(model, data)
-    assert data.qpos[0] == 0.0
-    assert data.warning.number[int(mujoco.mjtWarning.mjWARN_BADQVEL)] == 1

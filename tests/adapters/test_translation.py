@@ -25,62 +25,8 @@ from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios.avatar.avatar import arm_with_hand_parts
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import (
-    Body,
-    Box,
-    Capsule,
-    Ellipsoid,
-    Hull,
-    Joint,
     PairCoefficients,
-    Piece,
-    Sphere,
 )
-from touchstone.scenarios.solids import sphere_inertia
-
-ROUNDING = 1e-12
-"""Products of a few rotations, absolute."""
-TURN = (0.5, 0.5, -0.5, 0.5)
-CORNERS = ((0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1))
-
-
-@pytest.fixture
-def world(lab):
-    """A turned body of every shape, another hull, and a fixed slab, in the arrays; with its scenario."""
-    pieces = (
-        Piece("ball", Sphere(0.2), (1.0, 0.0, 0.0)),
-        Piece("hull", Hull(CORNERS), (0.0, 1.0, 0.0), TURN),
-        Piece("box", Box((0.1, 0.2, 0.3))),
-        Piece("egg", Ellipsoid((0.3, 0.2, 0.1))),
-        Piece("pill", Capsule(0.1, 0.4)),
-        Piece("hull 2", Hull(tuple((2 * x, y, z) for x, y, z in CORNERS))),
-    )
-    body = Body(
-        "all", "simulated", "wood", pieces, 2.0, (0.1, 0.2, 0.3), sphere_inertia(2.0, 0.2),
-        position=(1.0, 2.0, 3.0), orientation=TURN,
-        linear_velocity=(4.0, 5.0, 6.0), angular_velocity=(7.0, 8.0, 9.0),
-    )  # fmt: skip
-    scenario = lab.scene(lab.ground(), body, e=0.4, mu=0.3)
-    return translate(scenario), scenario
-
-
-def test_hinges_of_two_drivers_are_told_apart(lab):
-    """Each driver's hinges are its own stretch of the joint table, whatever the order of the joints."""
-    inertia, box = sphere_inertia(1.0, 0.1), (Piece("box", Box((0.1, 0.1, 0.1))),)
-    links = [Body(name, "driven", "wood", box, mass=1.0, inertia=inertia) for name in ("a", "b", "c", "d")]
-    joints = (
-        Joint("cd", "c", "d", (0.0, 0.0, 0.2), (0.0, 1.0, 0.0)),
-        Joint("ab", "a", "b", (0.0, 0.0, 0.1), (1.0, 0.0, 0.0)),
-    )
-    trackers = tuple(
-        replace(lab.still(root, (x, 0.0, 0.0)), joints=(joint,), angles=((angle,), (angle,)))
-        for root, x, joint, angle in (("a", 0.0, "ab", 0.25), ("c", 5.0, "cd", 0.5))
-    )
-    arrays = translate(lab.scene(*links, joints=joints, trackers=trackers))
-    assert arrays.drivers["first_joint"].tolist() == [0, 1]
-    assert arrays.drivers["root"].tolist() == [0, 2]
-    assert arrays.joints["angle"] == pytest.approx([0.25, 0.5], abs=ROUNDING)
-    assert list(zip(arrays.joints["parent"], arrays.joints["child"])) == [(0, 1), (2, 3)]
-    assert arrays.bodies["driver"].tolist() == [0, 0, 1, 1]
 
 
 def test_too_many_materials_are_unsupported(lab):

@@ -84,15 +84,6 @@ def test_a_dropped_box_neither_explodes_nor_sinks(lab: SimpleNamespace, profile:
     assert energies[-1] < 9.81 * 0.15
 
 
-def test_stacked_balls_of_three_do_not_sink(lab: SimpleNamespace) -> None:
-    """Hold a column of balls in a frictionless shaft of walls for two seconds."""
-    balls = [lab.ball(f"ball_{k}", (0.0, 0.0, 0.05 + 0.1 * k)) for k in range(3)]
-    world = lab.build(lab.scene(*balls, lab.ground(), e=0.0))
-    lab.play(world, 120)
-    np.testing.assert_allclose(world.bodies["position"][:3, 2], (0.05, 0.15, 0.25), atol=1e-5)
-    assert np.abs(world.bodies["velocity"]).max() < 1e-6
-
-
 def test_python_gives_what_the_compiler_gives(tmp_path) -> None:
     """Play 30 frames with finger contact without the compiler: the same to a nanometre."""
     scenario, out = short_snip(), tmp_path / "python.npy"

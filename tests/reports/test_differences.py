@@ -242,12 +242,6 @@ def test_every_scene_has_its_line() -> None:
     ]
 
 
-def test_other_profiles_of_engines_do_not_count() -> None:
-    """Compare with recommended engines; without engines there is nothing to lose."""
-    rows = [row("reference", "overlap.max", 1e-3), row("dart", "overlap.max", 0.0, profile="accurate")]
-    assert loss_rows(table(rows)) == []
-
-
 def test_what_only_engines_measure_is_told() -> None:
     """Print once what the reference does not measure although an engine does, with the reason."""
     rows = [

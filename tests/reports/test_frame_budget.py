@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from touchstone.reports.views.frame_budget import HEADS, budget_part, write_picture
 from touchstone.reports.views.render import console, print_parts
 from touchstone.reports.views.terminal import budget_parts
-from touchstone.scenarios.catalogue import tagged
 
 
 @pytest.fixture
@@ -73,23 +70,3 @@ def test_the_table_is_printed_for_several_scenes(played, capsys):
         console(),
     )
     assert capsys.readouterr().out == ""
-
-
-def test_names_are_whole_on_a_terminal_of_80_columns(recordings, lab):
-    """Cut neither scenes of the gallery nor heads, with inverse kinematics as costly as it gets there."""
-    still = recordings.recording(lab.scene(lab.ground(), lab.ball(), duration=4 / 60))
-    costly = replace(
-        still,
-        time_frame=np.full(4, 1.23e-3),
-        stage_names=np.array(["collision", "removal"]),
-        stage_seconds=np.tile([1.0, 99.0], (4, 1)),
-        work_names=np.array(["posture_qp.solves", "ik.joints", "pairs.contacting"]),
-        work=np.tile([123.0, 27.0, 12.0], (4, 1)),
-    )
-    out = Console(width=80, record=True, file=io.StringIO())
-    print_parts(
-        budget_parts({(scene.name, "reference", "balanced"): costly for scene in tagged("gallery")}), out
-    )
-    reported = out.export_text()
-    assert "…" not in reported
-    assert all(scene.name in reported for scene in tagged("gallery"))

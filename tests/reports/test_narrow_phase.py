@@ -77,12 +77,6 @@ def test_a_missing_engine_is_a_skipped_row(results) -> None:
     ]
 
 
-def test_pairs_repeat_by_seed() -> None:
-    """Draw the same pairs twice, and others for another seed."""
-    one, again, other = (draw(PAIRS, np.random.default_rng(seed)) for seed in (5, 5, 6))
-    assert one == again != other
-
-
 def test_files_are_written(results) -> None:
     """Leave table, picture, manifest and the children's output, and no other folder."""
     frame, folder = results

@@ -18,11 +18,7 @@ from touchstone.reports.studies.paper.claims import (
     PAIRS,
     PASSES,
     Series,
-    first_contact,
-    is_plateau,
     plateaus,
-    runs,
-    thirds,
 )
 from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, report, run
 
@@ -82,15 +78,6 @@ def test_plateaus_are_told_from_spikes(shape: str, two: bool) -> None:
     assert judge("idle", table_slide=scene)
 
 
-def test_a_plateau_rises_and_stays() -> None:
-    """A rise of a fifth, a ramp and a curve that is high in half of its frames are no plateaus."""
-    level = np.full(60, 2.0)
-    assert is_plateau(level, 1.0)
-    assert not is_plateau(level, 2.0 / 1.2)
-    assert not is_plateau(np.linspace(1.0, 3.0, 60), 1.0)
-    assert not is_plateau(np.where(np.arange(60) % 2, 2.0, 1.0), 1.0)
-
-
 def test_contact_that_comes_early_or_drifts_is_not_idle() -> None:
     """Idle motion lasts nearly half of the scene, at one level."""
     early = slide("plateau")
@@ -125,23 +112,6 @@ def test_coherence_is_a_tendency() -> None:
     names = claims.PERSONS
     assert judge("coherence", **dict(zip(names, (falling, falling, falling, lasting))))
     assert not judge("coherence", **dict(zip(names, (falling, falling, lasting, lasting))))
-
-
-def test_stretches_join_over_flicker() -> None:
-    """Stretches of flags, at both ends too; gaps of up to three frames are none."""
-    flags = np.array([1, 1, 0, 1, 0, 0, 0, 0, 1, 0, 1, 1], dtype=bool)
-    assert runs(flags) == [(0, 4), (8, 12)]
-    assert runs(flags, 0) == [(0, 2), (3, 4), (8, 9), (10, 12)]
-    assert runs(np.zeros(5, dtype=bool)) == []
-
-
-def test_first_contact_and_thirds() -> None:
-    """Peak of the first tenth of a second and median of the two that follow; medians of ordered thirds."""
-    curve = np.concatenate([np.zeros(10), [5, 9, 5, 4, 4, 4], np.full(12, 3.0), np.full(12, 8.0)])
-    assert first_contact(curve, 10, RATE) == (9.0, 3.0)
-    assert first_contact(curve[:14], 10, RATE) == (9.0, 0.0)
-    work = np.array([3.0, 1.0, 2.0])
-    assert thirds(work, 10 * work) == ([1.0, 2.0, 3.0], [10.0, 20.0, 30.0])
 
 
 def test_claims_are_complete() -> None:

@@ -15,7 +15,7 @@ from touchstone.reports.page.page import page
 from touchstone.reports.results import Row, table
 from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.views.markdown import report
-from touchstone.reports.views.published import TITLE, digits, published_part
+from touchstone.reports.views.published import TITLE, published_part
 from touchstone.reports.views.render import FittingConsole, print_parts
 from touchstone.scenarios.catalogue import catalogue
 
@@ -120,19 +120,3 @@ def test_terminal_report_and_page():
     assert f"## {TITLE}" in markdown
     assert 'id="published"' in html
     assert 'id="published"' not in page(Content("t", "good", "v", frame))
-
-
-@pytest.mark.parametrize(
-    ("value", "tolerance", "text"),
-    [
-        (0.33109, 0.0033, "0.3311"),
-        (0.0, 1e-5, "0"),
-        (1.7e-15, 1e-5, "0"),
-        (4.77e-5, 1e-5, "4.77e-05"),
-        (19.797, 0.2, "19.8"),
-        (5.1991, 0.052, "5.199"),
-    ],
-)
-def test_digits(value, tolerance, text):
-    """Three digits, or as many as show a tenth of the tolerance; rounding is 0."""
-    assert digits(value, tolerance) == text

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses, piece_box, tracked_poses
-from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses, piece_box
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Box, Capsule, Cylinder, Ellipsoid, Hull, Piece, Shape, Sphere
 
@@ -41,24 +40,6 @@ def test_poses_and_inertia_are_pinocchios(name: str) -> None:
         mine = joint_space_inertia(scenario, tracker, place[:, k], turn[:, k])
         wanted = referee.inertia(posture)
         np.testing.assert_allclose(mine, wanted, atol=1e-12 * np.abs(wanted).max())
-
-
-@pytest.mark.parametrize("scene", ["ball_snip", "table_slide", "wall_push", "arms_cross"])
-def test_tracked_links_are_where_pinocchio_puts_them(scene: str) -> None:
-    """Agree to rounding on positions and orientations of all links at ten times of a scene."""
-    from touchstone.adapters.oracles.articulated import Articulated
-
-    scenario = catalogue()[scene]
-    tracker = scenario.trackers[0]
-    times = np.linspace(0.0, scenario.duration, 10)
-    position, orientation = tracked_poses(scenario, tracker, times)
-    motion, tree = sample(tracker, times), Articulated(scenario, tracker)
-    for f in range(len(times)):
-        posture = tree.posture(motion.position[f], motion.orientation[f], motion.angle[f])
-        for k, (place, turned) in enumerate(zip(*tree.poses(posture))):
-            np.testing.assert_allclose(position[f, k], place, atol=1e-12)
-            mine = Rotation.from_quat(orientation[f, k], scalar_first=True).as_matrix()
-            np.testing.assert_allclose(mine, turned, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.avatar.noisy_tracker import JITTER, JITTER_ANGLE, LOSS, RATE, noisy, noisy_tracker
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import IDENTITY, ScenarioError, Tracker
+from touchstone.scenarios.scenario import IDENTITY, Tracker
 
 LONG = 200.0
 """A recording of 12,001 samples [s]: standard deviations are good to a percent, chances to a tenth."""
@@ -95,14 +95,3 @@ def test_what_the_noise_changes() -> None:
     found = noisy(spring)
     assert spring.truths
     assert replace(found, trackers=spring.trackers, truths=spring.truths) == spring
-
-
-def test_an_unknown_interpolation_is_a_fault() -> None:
-    """Name the field and the valid ways."""
-    scene = catalogue()["spring"]
-    wrong = replace(scene.trackers[0], interpolation="akima")
-    with pytest.raises(
-        ScenarioError,
-        match=r"trackers\[0\].interpolation: unknown 'akima'; valid: pchip, cubic, linear, held",
-    ):
-        replace(scene, trackers=(wrong, *scene.trackers[1:]))

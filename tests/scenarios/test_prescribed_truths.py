@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -13,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.scenario import GRAVITY, Scenario
-from touchstone.scenarios.transforms import mirrored, translated
 
 MU = 0.3
 EXACT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
@@ -146,24 +143,6 @@ def test_a_ball_on_a_turntable_circles():
     # no slip: the ball's lowest point is as fast as the plate below it
     below = found.velocity + np.cross(found.angular_velocity, (0.0, 0.0, -0.05))
     assert below == pytest.approx(np.cross((0.0, 0.0, 2.0), found.position), abs=1e-14)
-
-
-@pytest.mark.parametrize("name", [s.name for s in tagged("prescribed")])
-def test_truths_move_with_their_scene(name):
-    """The truth of a mirrored or moved scene is the mirrored or moved truth."""
-    scene, times = catalogue()[name], np.array([0.0, 0.3, 1.1])
-    plain = motion(scene, scene.truths[0], times)
-    other = mirrored(scene)
-    image = motion(other, other.truths[0], times)
-    np.testing.assert_allclose(image.position, plain.position * (-1, 1, 1), atol=1e-12)
-    np.testing.assert_allclose(image.angular_velocity, plain.angular_velocity * (1, -1, -1), atol=1e-12)
-    far = translated(scene, (3.0, -2.0, 1.0))
-    there = motion(far, far.truths[0], times)
-    np.testing.assert_allclose(there.position, plain.position + (3.0, -2.0, 1.0), atol=1e-12)
-    without = replace(scene, effects=("gravity", "restitution"))
-    if scene.truths[0].law == "carried":
-        free = motion(without, without.truths[0], times)
-        np.testing.assert_allclose(free.position[:, :2], 0.0, atol=1e-12)
 
 
 def test_platforms_bear_what_their_paths_ask():

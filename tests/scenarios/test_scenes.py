@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,11 +10,9 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from touchstone.scenarios import families
 from touchstone.scenarios.avatar.hand import HAND_MASS, hand_parts
 from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.catalogue import built, catalogue, faults, scene, tagged, tags
-from touchstone.scenarios.families import ball_snip as snip
+from touchstone.scenarios.catalogue import catalogue, tagged, tags
 from touchstone.scenarios.scenario import Box, Hull, Piece, Sphere, Tracker
 from touchstone.scenarios.solids import (
     box_inertia,
@@ -110,24 +107,6 @@ def test_tracker_velocities_are_differences() -> None:
     np.testing.assert_allclose(ends.rate, 0, atol=1e-12)
 
 
-def test_keyframes_are_met() -> None:
-    """Pass through every keyframe of `ball_snip`'s glove."""
-    glove = catalogue()["ball_snip"].trackers[0]
-    motion = sample(glove, np.array(glove.times))
-    np.testing.assert_allclose(motion.position, glove.positions, atol=1e-14)
-    np.testing.assert_allclose(motion.angle, glove.angles, atol=1e-14)
-    np.testing.assert_allclose(motion.orientation, glove.orientations, atol=1e-14)
-
-
-@pytest.mark.parametrize("name", catalogue())
-def test_scenes_are_json(name: str) -> None:
-    """Turn every scene into JSON and read the same numbers back."""
-    fields = dataclasses.asdict(catalogue()[name])
-    read = json.loads(json.dumps(fields, allow_nan=False))
-    assert read["bodies"] == json.loads(json.dumps(fields["bodies"]))
-    assert len(read["bodies"]) == len(catalogue()[name].bodies)
-
-
 def test_the_catalogue_finds_the_families() -> None:
     """Find `ball_snip` by name and by tag, in alphabetical order."""
     assert "ball_snip" in catalogue()
@@ -138,19 +117,6 @@ def test_the_catalogue_finds_the_families() -> None:
     # one function may build several scenes
     assert {"bounce_e0", "bounce_e03", "bounce_e05", "bounce_e08", "bounce_e1"} <= set(catalogue())
     assert list(tagged("no such tag")) == []
-
-
-def test_two_scenes_of_one_name_are_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reject a second scene with a name that is taken."""
-    twin = scene(lambda: snip.ball_snip())
-    monkeypatch.setattr(snip, "twin", twin, raising=False)
-    built.cache_clear()
-    try:
-        assert any("two scenes are called 'ball_snip'" in line for line in faults())
-    finally:
-        monkeypatch.undo()
-        built.cache_clear()
-    assert families.__name__ == "touchstone.scenarios.families"
 
 
 def test_probes_and_seeded_scenes_are_told_apart() -> None:

@@ -48,16 +48,3 @@ def test_known_ends() -> None:
     assert low.position[0, 0] == pytest.approx((3 + 0.45) / 2 * 3 / 6.54 + 0.45**2 / (2 * 4.905), rel=1e-12)
     assert not low.velocity.any()
     assert not high.velocity.any()
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_friction_takes_all_energy(name: str) -> None:
-    """The work of both frictions along the ways of slip is the energy of the start."""
-    scene = catalogue()[name]
-    lower, upper = scene.bodies[1:]
-    between, below = scene.pair_coefficients(1, 2)[1], scene.pair_coefficients(0, 1)[1]
-    met = scene.truths[0].arcs[1].start
-    low, high = (motion(scene, t, np.array([0.0, met, scene.duration])).position[:, 0] for t in scene.truths)
-    slips = np.abs(np.diff(high - low)).sum()
-    lost = between * upper.mass * GRAVITY * slips + below * (lower.mass + upper.mass) * GRAVITY * low[-1]
-    assert lost == pytest.approx(lower.mass * lower.linear_velocity[0] ** 2 / 2, rel=1e-12)

@@ -60,25 +60,6 @@ def test_turned_hulls_have_turned_inertia():
     np.testing.assert_allclose(inertia, expected, atol=1e-15)
 
 
-def test_a_fine_hull_tends_to_its_ellipsoid():
-    """Approach the ellipsoid's volume and inertia as 1 / n with n points spread over it evenly."""
-    axes = np.array((0.3, 0.2, 0.1))
-    errors = []
-    for count in (500, 2000):
-        # Fibonacci's lattice on the sphere
-        k = np.arange(count) + 0.5
-        z, angle = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
-        r = np.sqrt(1 - z * z)
-        points = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1) * axes
-        mass, centre, inertia = hull_mass_properties(points, density=1000.0)
-        full = 1000.0 * 4 / 3 * np.pi * axes.prod()
-        errors.append(1 - mass / full)
-        np.testing.assert_allclose(inertia, ellipsoid_inertia(mass, axes), atol=3 * errors[-1] * mass * 0.04)
-        np.testing.assert_allclose(centre, 0.0, atol=1e-3 * axes.max())
-    assert 0 < errors[1] < errors[0] / 3.5
-    assert errors[1] < 5e-3
-
-
 def test_a_fine_prism_tends_to_its_cylinder():
     """Approach the cylinder's inertia as 1 / n^2 with n sides."""
     angles = 2 * np.pi * np.arange(400) / 400
@@ -86,13 +67,6 @@ def test_a_fine_prism_tends_to_its_cylinder():
     points = np.vstack([np.column_stack([rim, np.full(400, z)]) for z in (-0.3, 0.3)])
     mass, _, inertia = hull_mass_properties(points, mass=2.0)
     np.testing.assert_allclose(inertia, cylinder_inertia(mass, 0.2, 0.3), rtol=2e-4, atol=1e-15)
-
-
-def test_points_inside_change_nothing():
-    """Leave the answer as it is where the vertices hold points that are no corners."""
-    one = hull_mass_properties(CUBE, mass=1.0)
-    two = hull_mass_properties((*CUBE, (0.01, 0.02, 0.03)), mass=1.0)
-    np.testing.assert_allclose(np.hstack([two[1], *two[2]]), np.hstack([one[1], *one[2]]), atol=1e-16)
 
 
 def test_what_has_no_volume_is_refused():

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.scenario import GRAVITY, ScenarioError
-from touchstone.scenarios.transforms import mirrored, translated
 from touchstone.scenarios.truths.body_motion import Motion
 from touchstone.scenarios.truths.tipping import phases
 
@@ -89,17 +88,6 @@ def test_landings_keep_the_angular_momentum_about_the_new_edge() -> None:
         for m in (before, after)
     ]
     np.testing.assert_allclose(about[1], about[0], atol=1e-10 * np.abs(about[0]).max())
-
-
-def test_the_motion_has_a_mirror_image() -> None:
-    """The truth of the mirrored and moved scene is the mirrored and moved truth."""
-    times, offset = np.linspace(0, SCENE.duration, 20), (1.0, 2.0, 3.0)
-    plain, other = played(times), mirrored(translated(SCENE, offset))
-    image = motion(other, other.truths[0], times)
-    np.testing.assert_allclose(image.position, (plain.position + offset) * (-1, 1, 1), atol=1e-9)
-    turned = Rotation.from_quat(image.orientation, scalar_first=True)
-    expected = Rotation.from_quat(plain.orientation * (1, 1, -1, -1), scalar_first=True)
-    assert (turned * expected.inv()).magnitude().max() < 1e-9
 
 
 def test_what_the_law_does_not_cover() -> None:

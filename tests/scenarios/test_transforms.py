@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Settings, State
-from touchstone.adapters.recorder import record
-from touchstone.scenarios.catalogue import catalogue
+from touchstone.adapters.contract import State
+from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import Scenario
@@ -19,7 +18,6 @@ from touchstone.scenarios.transforms import mirrored, permuted, perturbed, shift
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 SCENES = [random_scene(seed) for seed in range(30)]
-FRAME = 1 / 60
 
 
 def test_bodies_or_else_trackers_are_moved():
@@ -75,21 +73,33 @@ def test_cones_have_no_mirror_image() -> None:
         mirrored(catalogue()["wall_push"])
 
 
-@pytest.mark.parametrize("name", ["slip", "collide_sticks", "bounce_e05", "incline_slides"])
+INTEGRATED = ("ball_off_sphere_rough", "ellipsoid_rolls", "rattleback", "prism_rolls")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("slip", "collide_sticks", "bounce_e05", "incline_slides"),
+        *(one.name for one in tagged("prescribed")),
+        *INTEGRATED,
+    ],
+)
 def test_truths_move_with_their_scene(name: str) -> None:
     """Work out the mirrored and the translated motion from the transformed truths."""
     scene, offset = catalogue()[name], (0.3, -0.2, 0.1)
     times = np.linspace(0, scene.duration, 20)
     reflected, moved = mirrored(scene), translated(scene, offset)
+    # an integration ends its phases in other roundings
+    slack = 1e-8 if name in INTEGRATED else 1e-12
     for k, truth in enumerate(scene.truths):
         own = motion(scene, truth, times)
         other, away = motion(reflected, reflected.truths[k], times), motion(moved, moved.truths[k], times)
-        np.testing.assert_allclose(other.position, own.position @ MIRROR, atol=1e-12)
-        np.testing.assert_allclose(other.velocity, own.velocity @ MIRROR, atol=1e-12)
-        np.testing.assert_allclose(other.angular_velocity, -own.angular_velocity @ MIRROR, atol=1e-12)
+        np.testing.assert_allclose(other.position, own.position @ MIRROR, atol=slack)
+        np.testing.assert_allclose(other.velocity, own.velocity @ MIRROR, atol=slack)
+        np.testing.assert_allclose(other.angular_velocity, -own.angular_velocity @ MIRROR, atol=slack)
         turn, image = (Rotation.from_quat(m.orientation, scalar_first=True).as_matrix() for m in (own, other))
-        np.testing.assert_allclose(image, MIRROR @ turn @ MIRROR, atol=1e-12)
-        np.testing.assert_allclose(away.position, own.position + offset, atol=1e-12)
+        np.testing.assert_allclose(image, MIRROR @ turn @ MIRROR, atol=slack)
+        np.testing.assert_allclose(away.position, own.position + offset, atol=slack)
 
 
 def start(registry: SimpleNamespace, scene: Scenario) -> State:
@@ -107,19 +117,3 @@ def test_hands_are_mirrored_link_by_link(registry: SimpleNamespace) -> None:
     np.testing.assert_allclose(image.position, own.position @ MIRROR, atol=1e-12)
     turns = [Rotation.from_quat(s.orientation, scalar_first=True).as_matrix() for s in (own, image)]
     np.testing.assert_allclose(turns[1], MIRROR @ turns[0] @ MIRROR, atol=1e-12)
-
-
-@pytest.mark.parametrize("transform", ["mirrored", "permuted", "translated"])
-def test_free_flight_is_the_same_elsewhere(registry: SimpleNamespace, transform: str) -> None:
-    """Tumble to the transformed end: without contact nothing but rounding differs."""
-    scene = catalogue()["tumble_unstable"]
-    scene = replace(scene, bodies=(*scene.bodies, replace(scene.bodies[0], name="other", position=(9, 9, 9))))
-    offset = (1.0, 2.0, 3.0)
-    other, expected = {
-        "mirrored": (mirrored(scene), lambda end: end @ MIRROR),
-        "permuted": (permuted(scene, [1, 0]), lambda end: end[::-1]),
-        "translated": (translated(scene, offset), lambda end: end + offset),
-    }[transform]
-    engine, settings = registry.engine("reference"), Settings("accurate", FRAME)
-    own, there = (record(engine, one, settings).position[-1] for one in (scene, other))
-    np.testing.assert_allclose(there, expected(own), atol=1e-11)

@@ -128,21 +128,6 @@ def test_independent_readers_have_the_same_robot(robot, tmp_path, text, fixed_ba
     assert read_scene(tmp_path / "again.toml") == replace(found.scenario, name=found.scenario.name)
 
 
-def test_a_changed_joint_or_mass_is_found(robot, tmp_path):
-    """A limit, an anchor or a mass that differs from the file deviates in its quantity."""
-    found = robot(QUADRUPED)
-    path = tmp_path / "r.urdf"
-    joint, *joints = found.scenario.body_joints
-    for quantity, changed in (
-        ("limits", {"body_joints": (replace(joint, upper=joint.upper + 1e-6), *joints)}),
-        ("axes", {"body_joints": (replace(joint, anchor=(0.2, 0.2, 1e-6)), *joints)}),
-        ("mass", {"bodies": tuple(replace(b, mass=b.mass * (1 + 1e-6)) for b in found.scenario.bodies)}),
-    ):
-        other = replace(found, scenario=replace(found.scenario, **changed))
-        off = deviations(other, trees_of(path, compiled(path), other.scenario))
-        assert EQUAL < off[quantity] < 1
-
-
 def test_springs_and_servos_keep_their_forces(robot):
     """Gear, gains, control range and reference become stiffness, damping and target; balls keep damping."""
     joints = {joint.name: joint for joint in robot(WALKER).scenario.body_joints}

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from touchstone.reference_impl.broad_phase.detection import detect, is_free
+from touchstone.reference_impl.broad_phase.detection import detect
 from touchstone.reference_impl.core.conventions import SIMULATED, TOUCH_DISTANCE
 from touchstone.scenarios.scenario import PairCoefficients, Scenario
 
@@ -44,10 +44,3 @@ def test_coefficients_are_those_of_the_pair(lab: SimpleNamespace) -> None:
         end, _ = detect(world.of_stages(), SIMULATED, 0)
         assert end == 1
         assert (world.pairs[0]["restitution"], world.pairs[0]["friction"]) == (0.3, 0.4)
-
-
-def test_free_means_within_tolerance() -> None:
-    """Count a depth of a micrometre as free, a larger one not."""
-    assert is_free(0.0)
-    assert is_free(1e-6)
-    assert not is_free(1.01e-6)

@@ -102,20 +102,6 @@ def test_pairs_are_all_pairs_frame_after_frame(counts: tuple[int, int, int], see
 
 
 @pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
-def test_the_order_of_the_pieces_does_not_matter(counts: tuple[int, int, int]) -> None:
-    """Find the same pairs, by body, when the pieces are shuffled."""
-    rng = np.random.default_rng(3)
-    one, two = (Scene(np.random.default_rng(3), counts) for _ in range(2))
-    shuffled = rng.permutation(len(one.pieces))
-    two.pieces["body"] = one.pieces["body"][shuffled]
-    two.moving = two.kind != FIXED
-    two.place(one.center[shuffled], one.half[shuffled])
-    for kind in KINDS:
-        renamed = {tuple(sorted((int(shuffled[p]), int(shuffled[q])))) for p, q in two.found(kind)}
-        assert renamed == set(one.found(kind))
-
-
-@pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
 def test_pieces_may_teleport(counts: tuple[int, int, int]) -> None:
     """Find all pairs when every piece, or one in ten, jumps anywhere."""
     rng = np.random.default_rng(4)
@@ -163,13 +149,6 @@ def test_fixed_pieces_alone_make_no_pair() -> None:
         assert scene.check() == 0
 
 
-def test_nothing_makes_no_pair() -> None:
-    """Find nothing without pieces."""
-    state = np.zeros(1, STATE)
-    list_pieces(np.zeros(1, BODY), np.zeros(0, PIECE), state[0])
-    assert find_pairs(np.zeros(0, PIECE), SIMULATED, 0, np.zeros(3, PAIR), state[0]) == (0, 0)
-
-
 @pytest.mark.parametrize("counts", [SIZES["few"], SIZES["many of all"]])
 def test_fixed_pieces_are_sorted_once(counts: tuple[int, int, int]) -> None:
     """Read the boxes of fixed pieces when they are listed, and never again."""
@@ -180,21 +159,6 @@ def test_fixed_pieces_are_sorted_once(counts: tuple[int, int, int]) -> None:
     assert [scene.found(kind) for kind in KINDS] == before
     list_pieces(scene.bodies, scene.pieces, scene.state[0])
     scene.check()
-
-
-@pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
-def test_pairs_come_in_one_order(counts: tuple[int, int, int]) -> None:
-    """Give the same list to the row for the same boxes and the same past, one piece a row lower each."""
-    lists = []
-    for _ in range(2):
-        rng = np.random.default_rng(9)
-        scene = Scene(rng, counts)
-        lists.append([])
-        for _ in range(4):
-            lists[-1] += [scene.found(kind) for kind in KINDS]
-            scene.move(rng.normal(size=scene.center.shape) * 0.05)
-    assert lists[0] == lists[1]
-    assert all(p < q for pairs in lists[0] for p, q in pairs)
 
 
 def test_pairs_without_room_are_counted() -> None:

@@ -10,10 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.reference_impl.continuous.swept_motion import (
     carried_curl,
-    center_speed,
     flight_motion,
     most_curl,
-    point_speed,
     pose_along,
     shown_motion,
 )
@@ -68,21 +66,6 @@ def test_the_motion_between_two_shown_poses() -> None:
         pose_along(body, s)
         np.testing.assert_allclose(body["center"], shown[f"{name}center"], atol=ROUNDING)
         assert abs(float(body["orientation"] @ shown[f"{name}orientation"])) == pytest.approx(1, abs=ROUNDING)
-
-
-def test_what_does_not_move_stays() -> None:
-    """Leave a body where it is whose flag says that it does not move, whatever its last motion was."""
-    body = flying(np.random.default_rng(7))
-    flight_motion(body, 1.0)
-    pose_along(body, 0.4)
-    posed = body.copy()
-    body["moves"] = 0
-    pose_along(body, 0.9)
-    np.testing.assert_array_equal(body["center"], posed["center"])
-    np.testing.assert_array_equal(body["orientation"], posed["orientation"])
-    n = np.array([0.6, 0.0, 0.8])
-    assert center_speed(n, body, 0.5) == (0.0, 0.0)
-    assert point_speed(n, body, np.ones(3), 0.5) == 0.0
 
 
 numbers = st.floats(-1, 1, allow_subnormal=False)

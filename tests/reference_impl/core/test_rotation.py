@@ -44,14 +44,6 @@ def test_turn_and_rotation_between_are_inverse(angle: float) -> None:
         np.testing.assert_allclose(found, vector, atol=5e-15)
 
 
-def test_turn_in_place() -> None:
-    """Allow the output to be the input."""
-    q = np.array([1.0, 0.0, 0.0, 0.0])
-    turn(q, 0.1, 0.2, 0.3, q)
-    expected = Rotation.from_rotvec([0.1, 0.2, 0.3]).as_quat(scalar_first=True)
-    np.testing.assert_allclose(q, expected, atol=1e-16)
-
-
 def test_inverse_of_an_inertia() -> None:
     """Invert symmetric positive definite matrices."""
     rng = np.random.default_rng(3)

@@ -110,30 +110,6 @@ def test_any_two_capsules(lab: SimpleNamespace, center, tilt: float, half: float
     assert_parts(found, one, two)
 
 
-@pytest.mark.parametrize("turn", [Rotation.identity(), WHOLE], ids=["upright", "turned"])
-@pytest.mark.parametrize(
-    ("center", "own", "distance", "normal"),
-    [
-        ((0.2, 0.1, 1.4), ALONG_X, 0.3, (0, 0, 1)),  # lying over the top
-        ((0.2, 0.1, 1.05), ALONG_X, -0.05, (0, 0, 1)),  # sunk in
-        ((0.2, 0.1, 0.9), ALONG_X, -0.2, (0, 0, 1)),  # its core too
-        ((0.2, 0.1, 1.7), None, 0.1, (0, 0, 1)),  # standing over the top
-        ((0.2, 0.1, 1.4), None, -0.2, (0, 0, 1)),  # its end in the top
-        ((1.3, 0.1, 1.4), Rotation.from_rotvec((np.pi / 2, 0, 0)), 0.4, (0.6, 0, 0.8)),  # along an edge
-        ((1.3, 1.6, 1.9), None, 0.61**0.5 - 0.1, np.array((0.3, 0.6, 0.4)) / 0.61**0.5),  # before a corner
-    ],
-)
-def test_capsule_and_box(lab: SimpleNamespace, turn, center, own, distance, normal) -> None:
-    """Measure a capsule over, in and beside a cube of 2 m."""
-    box = lab.piece(Box((1.0, 1.0, 1.0)), (0.0, 0.0, 0.0), turn)
-    capsule = lab.piece(LONG, turn.apply(center), turn * (own or Rotation.identity()))
-    for a, b, sign in ((box, capsule, 1), (capsule, box, -1)):
-        found = lab.measure(a, b)
-        assert found.converged
-        assert found.distance == pytest.approx(distance, abs=ROUNDING)
-        np.testing.assert_allclose(found.normal, sign * turn.apply(normal), atol=1e-12)
-
-
 def test_random_capsules_and_boxes_equal_the_explicit_difference(lab: SimpleNamespace) -> None:
     """Agree with the Minkowski difference of the core's ends and the box's corners, less the radius."""
     rng = np.random.default_rng(7)

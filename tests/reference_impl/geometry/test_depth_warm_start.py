@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -184,25 +181,14 @@ def placed(walker: Walker) -> np.ndarray:
     return walker.pieces
 
 
-def assert_coherent_motion(name: str, frames: int) -> None:
-    walker = Walker(*COHERENT[name])
+@pytest.mark.parametrize("name", COHERENT)
+def test_coherent_motion(name: str) -> None:
+    """Equal exact depth in a thousand frames of tumbling through overlap and separation."""
+    walker, frames = Walker(*COHERENT[name]), 1000
     seen = list(follow(walker, np.random.default_rng(7), frames))
     assert all(found.certified for found in seen)
     overlapping = sum(found.exact < 0 for found in seen)
     assert 0.05 * frames < overlapping < 0.95 * frames
-
-
-@pytest.mark.parametrize("name", COHERENT)
-def test_coherent_motion(name: str) -> None:
-    """Equal exact depth in a thousand frames of tumbling through overlap and separation."""
-    assert_coherent_motion(name, 1000)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", COHERENT)
-def test_long_coherent_motion(name: str) -> None:
-    """Equal exact depth in ten thousand frames."""
-    assert_coherent_motion(name, 10_000)
 
 
 @pytest.mark.parametrize("depth", [conventions.DEPTH_WALK, conventions.DEPTH_CERTIFIED])
@@ -257,58 +243,6 @@ def test_the_papers_walk_overestimates() -> None:
     assert certified.distance == walked.exact == pytest.approx(-0.29, abs=1e-12)
 
 
-def test_swapped_pieces_have_the_opposite_normal() -> None:
-    """Give the same distance with A and B swapped all along a motion."""
-    a, b = COHERENT["hull-box"]
-    one, two = Walker(a, b), Walker(b, a)
-    for frame in range(300):
-        position, turn = (
-            np.array((0.1, -0.2, 0.5)) * np.cos(0.01 * frame),
-            Rotation.from_rotvec([0.004 * frame] * 3),
-        )
-        d, e = one.at(position, turn), two.at((0, 0, 0), STILL, position, turn)
-        assert abs(d.distance - e.distance) <= AGREE * one.size
-        if d.distance > 1e-3:
-            np.testing.assert_allclose(one.pairs[0]["normal"], -two.pairs[0]["normal"], atol=1e-10)
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1e3])
-def test_scaled_pieces_have_the_scaled_distance(scale: float) -> None:
-    """Give the distance times the scale, and certify the same frames."""
-    hull, box = COHERENT["hull-box"]
-    large = Hull(tuple(tuple(scale * x for x in vertex) for vertex in hull.vertices))
-    one, two = Walker(hull, box), Walker(large, Box(tuple(scale * x for x in box.half_extents)))
-    for frame in range(300):
-        position, turn = (
-            np.array((0.1, -0.2, 0.5)) * np.cos(0.01 * frame),
-            Rotation.from_rotvec([0.004 * frame] * 3),
-        )
-        d, e = one.at(position, turn), two.at(scale * position, turn)
-        assert abs(scale * d.distance - e.distance) <= AGREE * two.size
-        assert d.certified == e.certified
-
-
-def test_light_contact_of_fingers_needs_one_step_mostly() -> None:
-    """Certify most frames of a finger that slides along another at once: no EPA, whose iterations count."""
-    walker = Walker(FINGER, FINGER)
-    seen = []
-    for frame in range(200):
-        position = np.array((1e-4 * frame - 0.01, 2e-4, 0.0155 + 3e-4 * np.sin(0.1 * frame)))
-        seen.append(walker.at(position, Rotation.from_rotvec([0.1, 0.02, 1e-3 * frame])))
-    assert any(found.distance < 0 for found in seen)
-    assert any(found.distance > 0 for found in seen)
-    assert sum(found.iterations == 1 for found in seen) > 150
-
-
-def test_two_runs_are_equal_to_the_bit() -> None:
-    """Repeat a motion from an empty memory: the same answers."""
-    runs = []
-    for _ in range(2):
-        walker = Walker(*COHERENT["hull-hull"])
-        runs.append([(f.distance, f.iterations) for f in follow(walker, np.random.default_rng(3), 200)])
-    assert runs[0] == runs[1]
-
-
 @pytest.mark.parametrize("count", [42, 300])
 def test_a_steady_corner_is_the_farthest(count: int) -> None:
     """Give the support point of every direction, by the cone in most frames of a slow turn."""
@@ -329,28 +263,3 @@ def test_a_steady_corner_is_the_farthest(count: int) -> None:
         # two corners may be equally far
         assert n @ found == pytest.approx(n @ wanted, abs=1e-16)
     assert kept > 1000
-
-
-def test_python_walks_as_the_compiler_does(tmp_path) -> None:
-    """Give the same answers and iterations without the compiler in 30 frames."""
-    out = tmp_path / "python.npy"
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "WALK_OUT": str(out)}
-    subprocess.run([sys.executable, __file__], env=environment, check=True, timeout=120)
-    compiled = short_motion()
-    python = np.load(out)
-    np.testing.assert_array_equal(python[:, 0], compiled[:, 0])
-    # the compiler may round a product and a sum at once
-    np.testing.assert_allclose(python[:, 1], compiled[:, 1], atol=1e-15)
-
-
-def short_motion() -> np.ndarray:
-    """Iterations and distance (30, 2) of two hulls and of a hull on a box that tumble."""
-    rows = []
-    for name in ("hull-hull", "hull-box"):
-        seen = follow(Walker(*COHERENT[name]), np.random.default_rng(5), 15)
-        rows += [(found.iterations, found.distance) for found in seen]
-    return np.array(rows)
-
-
-if __name__ == "__main__":
-    np.save(os.environ["WALK_OUT"], short_motion())

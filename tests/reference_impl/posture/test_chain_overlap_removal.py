@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,20 +21,13 @@ from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE
 from touchstone.reference_impl.kinematics.reach_cone import keep_in_cone
 from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reference_impl.posture.attraction import ATTRACTION_TIME
-from touchstone.reference_impl.posture.chain_overlap_removal import (
-    BEND_SHARE,
-    _bend,
-)
 from touchstone.reference_impl.posture.overlap_removal import remove_overlap
 from touchstone.scenarios.avatar.avatar import avatar_parts
 from touchstone.scenarios.avatar.chains import hinge_axes
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import IDENTITY, Body, Scenario, Tracker
 
-ROOT = Path(__file__).parents[3]
 FRAME = 1 / 60
-LEFT_ARM = 1
-"""Index of the chain."""
 BODIES, JOINTS, CHAINS = avatar_parts()
 NAMES = [joint.name for joint in JOINTS]
 FACE = 0.75
@@ -89,20 +77,6 @@ def wall_push(lab: SimpleNamespace, *sides: str, elbow: float = 0.3, reach: floa
     wall = lab.block("wall", (0.5, 3.0, 3.0), (FACE + 0.5, 0.0, 0.0), kind="fixed")
     return walking(
         wall, times=(0.0, 0.7, 1.0, 1.5), ways=(0.0, reach, reach, 0.0), angles=(angles,) * 4, chains=chains
-    )
-
-
-def arms_cross() -> Scenario:
-    """Bring both arms together in front of the body until each is where the other would be."""
-    apart, across = (
-        posture(**{f"{side}_shoulder": lifted(side, h) for side in ("left", "right")}) for h in (15, -30)
-    )
-    effects = ("gravity", "self_collision")
-    return walking(
-        times=(0.0, 0.7, 1.0, 1.5),
-        ways=(0.0,) * 4,
-        angles=(apart, across, across, apart),
-        effects=effects,
     )
 
 
@@ -288,53 +262,6 @@ def test_a_tracker_may_start_in_a_wall(lab: SimpleNamespace, profile: str) -> No
     assert depth[0] > 0.03
     assert depth[1:].max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
     assert_within_limits(recording, scenario)
-
-
-INTERPRETED = """
-import json, sys
-sys.path.insert(0, "tests/reference_impl/posture")
-from test_chain_overlap_removal import arms_cross, FRAME
-from touchstone.adapters.contract import Settings
-from touchstone.adapters.engines.reference.engine import ReferenceEngine
-scenario = arms_cross()
-world = ReferenceEngine().build(scenario, Settings("balanced", FRAME))
-for frame in range(30, 60):
-    world.drive(frame)
-    world.step()
-print(json.dumps(world._world.joints["angle"].tolist()))
-"""
-
-
-@pytest.mark.slow
-def test_interpreted_source_computes_the_same() -> None:
-    """Play 30 frames of contact with and without compilation: equal to 1e-9."""
-    angles = []
-    for disabled in ("0", "1"):
-        environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run(
-            [sys.executable, "-c", INTERPRETED],
-            cwd=ROOT,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=600,
-        )
-        assert done.returncode == 0, done.stderr
-        angles.append(json.loads(done.stdout))
-    np.testing.assert_allclose(*angles, rtol=0, atol=1e-9)
-    assert np.abs(angles[0]).max() > 0.1
-
-
-def test_only_hinges_of_their_own_bend(lab: SimpleNamespace) -> None:
-    """Bend elbow and wrist by a twentieth of the way to the middle of their ranges, no ball joint."""
-    world = lab.build(lab.person())
-    first, last = map(int, world.drivers[0]["chains"][LEFT_ARM])
-    _bend(world.joints, first, last)
-    rows = world.joints[first : last + 1]
-    assert not rows["angle"][:3].any()
-    np.testing.assert_allclose(
-        rows["angle"][3:], BEND_SHARE * (rows["lower"] + rows["upper"])[3:] / 2, rtol=1e-14
-    )
 
 
 @pytest.mark.parametrize("sunk", [0.001, 0.01, 0.03])

@@ -23,34 +23,26 @@ def shift_of(contacts, mover=BODY_1, driver=-1):
     return *global_depth(bodies, pairs, 0, len(pairs), mover, shift), shift
 
 
-def test_one_pair_moves_by_its_depth() -> None:
-    """Move B along the normal and A against it, by the depth."""
-    deepest, size, shift = shift_of([(0, 1, -0.02, (0, 0, 1))])
-    assert (deepest, size) == (0.02, pytest.approx(0.02, rel=1e-15))
-    np.testing.assert_allclose(shift, (0, 0, 0.02), rtol=1e-15)
-    np.testing.assert_allclose(shift_of([(1, 2, -0.02, (0, 0, 1))])[2], (0, 0, -0.02), rtol=1e-15)
-
-
-def test_depth_weighted_mean() -> None:
-    """Weigh depths 2 and 1 cm along x and y: (4 x + y) / 3 cm."""
-    deepest, size, shift = shift_of([(0, 1, -0.02, (1, 0, 0)), (1, 2, -0.01, (0, -1, 0))])
-    assert deepest == 0.02
-    np.testing.assert_allclose(shift, (0.04 / 3, 0.01 / 3, 0), rtol=1e-14)
-    assert size == pytest.approx(np.hypot(0.04, 0.01) / 3, rel=1e-14)
-
-
-def test_opposing_normals_swap_their_depths() -> None:
-    """Turn opposing depths of 2 and 1 cm into 1 and 2 cm: the cycle that Eq. 1 never leaves."""
-    _, _, shift = shift_of([(0, 1, -0.02, (1, 0, 0)), (0, 1, -0.01, (-1, 0, 0))])
-    np.testing.assert_allclose(shift, (0.01, 0, 0), rtol=1e-14)
-
-
-def test_other_bodies_and_gaps_do_not_count() -> None:
-    """Leave out pairs that are apart, touch, or belong to others."""
-    contacts = [(0, 1, 0.01, (1, 0, 0)), (0, 1, 0.0, (1, 0, 0)), (0, 2, -0.5, (1, 0, 0))]
+@pytest.mark.parametrize(
+    ("contacts", "wanted"),
+    [
+        # B along the normal, A against it
+        ([(0, 1, -0.02, (0, 0, 1))], (0, 0, 0.02)),
+        ([(1, 2, -0.02, (0, 0, 1))], (0, 0, -0.02)),
+        # depths of 2 and 1 cm: (4 x + y) / 3 cm
+        ([(0, 1, -0.02, (1, 0, 0)), (1, 2, -0.01, (0, -1, 0))], (0.04 / 3, 0.01 / 3, 0)),
+        # opposing depths are swapped: the cycle that Eq. 1 never leaves
+        ([(0, 1, -0.02, (1, 0, 0)), (0, 1, -0.01, (-1, 0, 0))], (0.01, 0, 0)),
+        # apart, touching, and of others
+        ([(0, 1, 0.01, (1, 0, 0)), (0, 1, 0.0, (1, 0, 0)), (0, 2, -0.5, (1, 0, 0))], (0, 0, 0)),
+    ],
+)
+def test_depths_are_weighed_by_themselves(contacts, wanted) -> None:
+    """The mean of depth times normal, each with its depth as weight, of what overlaps the body."""
     deepest, size, shift = shift_of(contacts)
-    assert (deepest, size) == (0.0, 0.0)
-    assert not shift.any()
+    assert deepest == max(0.02 * (1 in pair[:2] and pair[2] < 0) for pair in contacts)
+    assert size == pytest.approx(np.linalg.norm(wanted), rel=1e-14)
+    np.testing.assert_allclose(shift, wanted, rtol=1e-14)
 
 
 def test_a_driver_moves_with_all_its_links() -> None:

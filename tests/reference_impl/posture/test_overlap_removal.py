@@ -7,14 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from touchstone.adapters.contract import Settings
-from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.reference_impl.broad_phase.detection import place_pieces
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reference_impl.posture.overlap_removal import remove_overlap
 from touchstone.scenarios.avatar.hand import hand_parts
-from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Body, Piece, Scenario, Sphere, Tracker
 from touchstone.scenarios.solids import sphere_inertia
@@ -306,10 +303,3 @@ def test_a_hand_in_a_corner_ends_free(lab: SimpleNamespace, profile: str) -> Non
         assert (counted["way_back"], counted["gave_up"]) == (0, 0)
         # the parts that reach deepest point at table and wall like one body
         assert counted["rounds"] == 1 if profile == "accurate" else 10 < counted["rounds"] <= 16
-
-
-@pytest.mark.parametrize(("profile", "name"), [("balanced", "eq1"), ("accurate", "least_motion")])
-def test_the_manifest_names_the_translation(profile: str, name: str) -> None:
-    """Read back from the state which translation a profile uses."""
-    world = ReferenceEngine().build(catalogue()["ball_snip"], Settings(profile, 1 / 60))
-    assert world.describe().settings["removal"] == name

@@ -11,7 +11,6 @@ from touchstone.reference_impl.solver.contact_interior import INTERIOR_STEPS, IN
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import residual_of, take_best
 from touchstone.reference_impl.solver.contact_solver import FIRST_SWEEPS, _sweep
-from touchstone.reference_impl.solver.interior_start import _split
 from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED, RESIDUAL_DENSE
 
 CONVEX = ("heap_d", "wedge")
@@ -62,24 +61,6 @@ def test_a_start_near_the_solution_saves_steps() -> None:
             interior(solver, afar == 1, state[0])
             steps[afar] += int(state[0]["counters"][COUNT_FACTORS])
     assert steps[0] < 0.75 * steps[1]
-
-
-@pytest.mark.parametrize("x", [(1e-3, 2e-3, -1e-3), (-5.0, 0.0, 0.0), (1e-9, 1e-12, 0.0), (3.0, -1.0, 1e-3)])
-def test_split_vectors_have_the_product(x: tuple[float, float, float]) -> None:
-    """Split x into q - v with q and v in the cone and q o v = (product, 0, 0)."""
-    product, y, z = 1e-8, x[1], x[2]
-    size = float(np.hypot(y, z))
-    if size > 0:
-        y, z = y / size, z / size
-    q, v = np.zeros(3), np.zeros(3)
-    _split(x[0] + size, x[0] - size, y, z, product, q)
-    _split(-x[0] - size, size - x[0], y, z, product, v)
-    scale = max(np.abs(x).max(), np.sqrt(product))
-    np.testing.assert_allclose(q - v, x, rtol=0, atol=1e-15 * scale)
-    assert q[0] > np.hypot(q[1], q[2])
-    assert v[0] > np.hypot(v[1], v[2])
-    np.testing.assert_allclose(q @ v, product, rtol=1e-9)
-    np.testing.assert_allclose(q[0] * v[1:] + v[0] * q[1:], 0, atol=1e-15 * (scale + 1) ** 2)
 
 
 def test_the_answer_does_not_depend_on_the_order_of_rows() -> None:

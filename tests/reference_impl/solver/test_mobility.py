@@ -84,10 +84,3 @@ def test_an_impulse_changes_angular_momentum_by_its_moment(world) -> None:
         np.testing.assert_allclose(moved, impulse, atol=1e-14)
         turned = np.linalg.solve(inverse, row["omega"] - spin)
         np.testing.assert_allclose(turned, np.cross(point - center, impulse), atol=1e-14)
-
-
-def test_a_fixed_body_stays(world) -> None:
-    """Leave a fixed body as it is."""
-    before = world.bodies[index("table")].copy()
-    push(world, index("table"), np.zeros(3), (1, 2, 3))
-    assert world.bodies[index("table")] == before

@@ -19,15 +19,6 @@ from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.limits import Limit
 
 
-def test_every_bench_is_whole() -> None:
-    """Each name has steps to do, a run and a table."""
-    for name in BENCHES:
-        bench = load(name)
-        assert bench.steps() > 0
-        assert callable(bench.run)
-        assert callable(bench.report)
-
-
 @pytest.mark.parametrize("name", BENCHES)
 def test_a_full_folder_is_refused(name: str, tmp_path: Path) -> None:
     """Keep what is there, before anything is measured."""

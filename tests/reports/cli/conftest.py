@@ -10,6 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from touchstone.adapters.contract import Settings
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import load
 from touchstone.adapters.workers.children import Outcome
 from touchstone.reports.run import study
 from touchstone.scenarios import catalogue
@@ -29,6 +32,20 @@ def handed_over(monkeypatch, registry):
         return outcomes
 
     monkeypatch.setattr(study.Children, "play", play)
+
+
+@pytest.fixture
+def here(touchstone, monkeypatch):
+    """The program, whose children play in this process."""
+
+    def play(self, jobs, progress):
+        for job in jobs:
+            settings = Settings(job.settings.profile, 1 / 60 if job.engine == "reference" else 1 / 480)
+            record(load(job.engine), job.scenario, settings).save(job.recording)
+        return [Outcome(job, "done") for job in jobs]
+
+    monkeypatch.setattr(study.Children, "play", play)
+    return touchstone
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from touchstone.reports.docs.reference import (
     MANUALS,
     SOURCES,
     commands_page,
-    difference,
     list_pages,
     settings_pages,
 )
@@ -53,23 +52,6 @@ def test_every_setting_has_a_source():
     known = {(engine, name) for engine in MANUALS for name in settings_of(engine)}
     assert set(lines) == known
     assert all(lines.values())
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "found"),
-    [
-        (
-            ['<option a="1"/>'],
-            ['<option a="1" b="2"><flag c="3"/></option>'],
-            ['<option b="2"/>', '<flag c="3"/>'],
-        ),
-        (["p.set(a=1, b=2)"], ["p.set(a=1, b=3)"], ["p.set(b=3)"]),
-        (["w.set(1)"], ["w.set(1)", "w.use(x)"], ["w.use(x)"]),
-    ],
-)
-def test_lines_differ_by_attributes(before, after, found):
-    """What a setting adds to the lines without it: attributes, arguments, or whole lines."""
-    assert difference(before, after) == found
 
 
 def test_every_gallery_scene_has_a_still():

@@ -26,7 +26,22 @@ REFERENCE = ("--engine", "reference")
 RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
 
 
-def test_lost_samples_are_refused_or_held(touchstone, added, registry, monkeypatch, tmp_path, left):
+@pytest.fixture
+def hand_over(monkeypatch):
+    """Children that hand over a recording, complete or up to a failure, in place of playing."""
+
+    def hand(recording, failure=""):
+        def play(self, jobs, progress):
+            for job in jobs:
+                recording.save(job.recording)
+            return [Outcome(job, "error" if failure else "done", failure) for job in jobs]
+
+        monkeypatch.setattr(study.Children, "play", play)
+
+    return hand
+
+
+def test_lost_samples_are_refused_or_held(touchstone, added, registry, hand_over, tmp_path, left):
     """Refuse a tracker's sample that is no number, with its path; under `--hold-last` tell how many."""
     recording, good = registry.played("ball_snip", "reference"), catalogue()["ball_snip"]
     glove = good.trackers[0]
@@ -35,12 +50,7 @@ def test_lost_samples_are_refused_or_held(touchstone, added, registry, monkeypat
         places = tuple((nan,) * 3 if k in lost else place for k, place in enumerate(glove.positions))
         return lambda: replace(good, name="broken", trackers=(replace(glove, positions=places),))
 
-    def play(self, jobs, progress):
-        for job in jobs:
-            recording.save(job.recording)
-        return [Outcome(job, "done") for job in jobs]
-
-    monkeypatch.setattr(study.Children, "play", play)
+    hand_over(recording)
     run = ("run", "broken", *REFERENCE, "--profile", "balanced", "--metric", "overlap.max", "--out", "out")
     added(losing(5, 6, 9))
     code, out, err = touchstone(*run)
@@ -191,7 +201,7 @@ def test_a_run_without_its_judge_says_so(touchstone, quick, monkeypatch):
         assert (code, "cannot be judged" in err) == (4, True)
 
 
-def test_unresolved_contacts_are_one_warning(touchstone, monkeypatch, registry):
+def test_unresolved_contacts_are_one_warning(touchstone, hand_over, registry):
     """Print one warning per run on standard error that names scene, profile and frame, whatever is asked for;
     none where nobody wants to be told."""
     recording = registry.played("ball_snip", "reference")
@@ -199,12 +209,7 @@ def test_unresolved_contacts_are_one_warning(touchstone, monkeypatch, registry):
     work[11, recording.work_names.tolist().index("residual")] = 3e-5
     work[[11, 12], recording.work_names.tolist().index("dropped_time")] = 1e-3
 
-    def play(self, jobs, progress):
-        for job in jobs:
-            replace(recording, work=work).save(job.recording)
-        return [Outcome(job, "done") for job in jobs]
-
-    monkeypatch.setattr(study.Children, "play", play)
+    hand_over(replace(recording, work=work))
     code, out, err = touchstone(*RUN, "--out", "r")
     reported = [line for line in err.splitlines() if "warning" in line]
     assert len(reported) == 1
@@ -220,7 +225,7 @@ def test_unresolved_contacts_are_one_warning(touchstone, monkeypatch, registry):
     assert [line.partition(": ")[0] for line in quiet] == ["fail"] * len(quiet)
 
 
-def test_a_failed_run_keeps_its_recording(touchstone, monkeypatch, registry, left):
+def test_a_failed_run_keeps_its_recording(touchstone, hand_over, registry, left):
     """Leave what a run recorded before it diverged in the folder of results, beside its row, its warning and
     exit 5."""
     said = "diverged: the position of 'ball' is not finite, in frame 40 at 0.6667 s"
@@ -228,12 +233,7 @@ def test_a_failed_run_keeps_its_recording(touchstone, monkeypatch, registry, lef
     work = recording.work.copy()
     work[39, recording.work_names.tolist().index("residual")] = 0.5
 
-    def play(self, jobs, progress):
-        for job in jobs:
-            replace(recording, ended=said, work=work).save(job.recording)
-        return [Outcome(job, "error", said) for job in jobs]
-
-    monkeypatch.setattr(study.Children, "play", play)
+    hand_over(replace(recording, ended=said, work=work), said)
     code, out, err = touchstone(*RUN, "--out", "r", "--format", "json")
     assert code == 5
     assert [(row["verdict"], row["reason"]) for row in json.loads(out)] == [("error", said)]

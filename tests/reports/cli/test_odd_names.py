@@ -10,11 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from touchstone.adapters.contract import Settings
-from touchstone.adapters.recorder import record
-from touchstone.adapters.registry import installed, load
-from touchstone.adapters.workers.children import Outcome
-from touchstone.reports.run import study
+from touchstone.adapters.registry import installed
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.read import SceneFileError, read_scene
 from touchstone.scenarios.scenario import Scenario
@@ -53,21 +49,6 @@ def scene(names, fixed="floor [1]"):
             {"event": "touch", "body": fixed, "other": names[0], "earliest": 0.0, "latest": 0.5}
         ],
     }
-
-
-@pytest.fixture
-def here(touchstone, monkeypatch):
-    """The program, whose children play in this process."""
-
-    def play(self, jobs, progress):
-        for job in jobs:
-            dt = 1 / 60 if job.engine == "reference" else 1 / 480
-            settings = Settings(job.settings.profile, dt)
-            record(load(job.engine), job.scenario, settings).save(job.recording)
-        return [Outcome(job, "done") for job in jobs]
-
-    monkeypatch.setattr(study.Children, "play", play)
-    return touchstone
 
 
 def test_every_output_has_any_name(here, tmp_path):

@@ -52,9 +52,10 @@ def test_unknown_names_are_one_line(touchstone, command):
     assert err == "touchstone: unknown environment 'own'; did you mean 'owned'? (valid: owned)\n"
 
 
-def test_what_pip_does_not_find_is_one_line(touchstone, monkeypatch):
+def test_what_pip_does_not_find_is_one_line(touchstone, owned, monkeypatch):
     """No wheel: exit 3, and nothing is left."""
     monkeypatch.setenv("PIP_FIND_LINKS", "")
     code, out, err = touchstone("env", "add", "owned")
     assert (code, out) == (3, "")
     assert err.splitlines()[1].startswith("touchstone: owned: pip finds no owned for Python 3.")
+    assert list(owned.folder.parent.iterdir()) == []

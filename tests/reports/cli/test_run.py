@@ -86,14 +86,6 @@ def test_quiet_says_nothing(touchstone, quick):
     assert touchstone(*RUN, "--out", "r", "--quiet") == (0, "", "")
 
 
-def test_chosen_metrics_alone_are_reported(touchstone, quick):
-    """`--metric` leaves only its rows."""
-    _, out, _ = touchstone(
-        *RUN, "--out", "r", "--format", "json", "--metric", "overlap.max", "--metric", "work"
-    )
-    assert {row["metric"] for row in json.loads(out)} == {"overlap.max", "work"}
-
-
 def test_what_is_not_asked_is_not_measured(registry):
     """Measure what is named and what that is judged by; the values are those of a whole run."""
     scenario, recording = catalogue()["ball_snip"], registry.played("ball_snip", "reference")

@@ -9,30 +9,11 @@ from dataclasses import replace
 
 import pytest
 
-from touchstone.adapters.contract import Settings
-from touchstone.adapters.recorder import record
-from touchstone.adapters.registry import ENGINES, load
-from touchstone.adapters.workers.children import Outcome
-from touchstone.reports.run import study
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.write import scene_json, scene_toml
 from touchstone.scenarios.scenario import MetricLimit
 
 REFERENCE = ("--engine", "reference", "--profile", "balanced")
-
-
-@pytest.fixture
-def here(touchstone, monkeypatch):
-    """The program, whose children play in this process."""
-
-    def play(self, jobs, progress):
-        for job in jobs:
-            dt = ENGINES[job.engine].profiles["balanced"]
-            record(load(job.engine), job.scenario, Settings("balanced", dt)).save(job.recording)
-        return [Outcome(job, "done") for job in jobs]
-
-    monkeypatch.setattr(study.Children, "play", play)
-    return touchstone
 
 
 def rows(out: str) -> dict[tuple[str, str], dict[str, str]]:

@@ -33,11 +33,6 @@ CHANGES = [
 ]
 
 
-def test_examples_are_found():
-    """The pages have examples of both commands that take `--set`."""
-    assert {line.split()[1] for _, line in EXAMPLES} == {"run", "sweep"}
-
-
 @pytest.mark.parametrize(("page", "line"), EXAMPLES)
 def test_an_example_is_accepted(touchstone, monkeypatch, page, line):
     """The program accepts every example, up to the point where it plays."""

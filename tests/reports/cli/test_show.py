@@ -98,28 +98,6 @@ def test_show_tells_the_truth(touchstone, monkeypatch, scene, line):
     assert line in out
 
 
-def test_show_knows_the_nearest_name(touchstone):
-    """An unknown scene is one line there too."""
-    code, out, err = touchstone("show", "ball_snap")
-    assert (code, out) == (2, "")
-    assert "did you mean 'ball_snip'" in err
-
-
-def test_a_closed_pipe_is_no_error():
-    """A reader that stops reading, as `head` does, sees no traceback."""
-    arguments = ["touchstone", "show", "ball_snip", "--format", "json"]
-    code = f"import sys; sys.argv = {arguments}; from touchstone.reports.cli.main import main; main()"
-    program = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    program.stdout.read(10)
-    program.stdout.close()
-    err = program.stderr.read()
-    program.wait(30)
-    program.stderr.close()
-    assert "Traceback" not in err
-
-
 def test_a_narrow_terminal_cuts_no_word(capsys, monkeypatch):
     """A row whose words do not fit beside each other becomes a block; one whose words do is wrapped."""
     row = {"body": "torso", "model": "pinocchio", "remark": "the scene itself"}
@@ -168,3 +146,18 @@ def test_effects_have_a_cost_here(touchstone):
     assert rows["overlap_removal"]["cost [%]"] != ""
     code, _, err = touchstone("show", "stack", "--cost")
     assert (code, err) == (2, "touchstone: --cost is a column of --effects; name both\n")
+
+
+def test_a_closed_pipe_is_no_error():
+    """A reader that stops reading, as `head` does, sees no traceback."""
+    arguments = ["touchstone", "show", "ball_snip", "--format", "json"]
+    code = f"import sys; sys.argv = {arguments}; from touchstone.reports.cli.main import main; main()"
+    program = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    program.stdout.read(10)
+    program.stdout.close()
+    err = program.stderr.read()
+    program.wait(30)
+    program.stderr.close()
+    assert "Traceback" not in err

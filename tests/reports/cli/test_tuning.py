@@ -10,10 +10,10 @@ import sys
 import numpy as np
 import pytest
 
-from touchstone.adapters.knobs import Choice, Numbers, Range
+from touchstone.adapters.knobs import Choice
 from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.tuning import Candidate, Space, values_about, values_of
+from touchstone.reports.studies.tuning import Candidate, Space, values_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.write import scene_toml
 
@@ -31,19 +31,6 @@ def test_values_are_valid_and_reach_every_setting(engine):
         plain = {f"{name}={value}" for value in setting.profiles if value}
         least = len(setting.values) if isinstance(setting, Choice) else len(plain) + 1
         assert len({table.parse(text)[1] for text in found} | plain) >= least
-
-
-@pytest.mark.parametrize(
-    ("setting", "value", "found"),
-    [
-        (Choice("c", {"a": 0, "b": 1}, ("a",), ""), "a", ["c=b"]),
-        (Range("r", 1, 100, "", ("10",), ""), "10", ["r=1", "r=2", "r=5", "r=20", "r=40", "r=100"]),
-        (Numbers("n", ((0, 1),), ("0.5",), ""), "0.5", ["n=0.1", "n=0.9"]),
-    ],
-)
-def test_values_about_a_value(setting, value, found):
-    """The other choices; factors within the bounds; shares of the way to both bounds."""
-    assert values_about(setting, value) == found
 
 
 def test_a_neighbour_differs_in_one_thing():

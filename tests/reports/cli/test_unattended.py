@@ -136,27 +136,6 @@ def test_a_reader_that_stops_and_a_full_output_have_their_codes():
     assert (done.returncode, done.stderr) == (2, "touchstone: standard output: No space left on device\n")
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
-@pytest.mark.parametrize(
-    ("redirected", "code", "said"),
-    [
-        ("2>&1 | true", 141, ""),
-        ("> /dev/full", 2, "touchstone: standard output: No space left on device"),
-    ],
-)
-def test_results_outlive_their_reader(tmp_path, redirected, code, said):
-    """Results are stored where standard output is closed or full while scenes are shown; the code says so."""
-    call = f'"{sys.executable}" -c "{CALL}" {" ".join(("run", "fall", *RUN[2:]))} --out r'
-    line = f"set -o pipefail; {call} {redirected}"
-    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, cwd=tmp_path)
-    assert (done.returncode, [text for text in done.stderr.splitlines() if text.startswith("touch")]) == (
-        code,
-        [said] if said else [],
-    )
-    assert len(pd.read_parquet(tmp_path / "r" / "results.parquet")) > 20
-
-
 def test_an_internal_error_has_its_code_and_a_file(touchstone, monkeypatch, tmp_path):
     """A fault of the program is exit 70 and one line that names the file of its traceback."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
@@ -204,3 +183,24 @@ def test_version_help_and_completion(touchstone, monkeypatch):
     monkeypatch.setenv("COMP_CWORD", "1")
     assert "doctor" in touchstone()[1]
     assert isinstance(cli.app, typer.Typer)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
+@pytest.mark.parametrize(
+    ("redirected", "code", "said"),
+    [
+        ("2>&1 | true", 141, ""),
+        ("> /dev/full", 2, "touchstone: standard output: No space left on device"),
+    ],
+)
+def test_results_outlive_their_reader(tmp_path, redirected, code, said):
+    """Results are stored where standard output is closed or full while scenes are shown; the code says so."""
+    call = f'"{sys.executable}" -c "{CALL}" {" ".join(("run", "fall", *RUN[2:]))} --out r'
+    line = f"set -o pipefail; {call} {redirected}"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, cwd=tmp_path)
+    assert (done.returncode, [text for text in done.stderr.splitlines() if text.startswith("touch")]) == (
+        code,
+        [said] if said else [],
+    )
+    assert len(pd.read_parquet(tmp_path / "r" / "results.parquet")) > 20

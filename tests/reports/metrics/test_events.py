@@ -12,8 +12,6 @@ from touchstone.reports.metrics.motion.events import (
     ROLL_SLIP,
     TOUCH_GAP,
     bounces,
-    first_closing,
-    gap_of,
 )
 from touchstone.scenarios.scenario import Body, Expectation, Piece, Sphere
 from touchstone.scenarios.solids import sphere_inertia
@@ -102,27 +100,6 @@ def test_what_passes_by_does_not_touch(lab, recordings, known):
     columns = known.path(scenario, 1, np.column_stack([zero, zero, z]), np.column_stack([zero, zero, vz]))
     touch = known.value("events.touch", recordings.recording(scenario, **columns), scenario)
     assert np.isnan(touch["ball-ground"])
-
-
-def test_the_nearest_of_several_pairs_counts(lab, recordings):
-    """The gap to a group of bodies is the gap to the nearest, frame by frame."""
-    bodies = (lab.ball("one"), lab.ball("two", (1.0, 0.0, 1.0)), lab.ball("mover", (0.2, 0.0, 1.0)))
-    expected = tuple(Expectation("touch", "mover", name, 0.0, 0.1) for name in ("one", "two"))
-    scenario = lab.scene(*bodies, effects=(), duration=0.1, expectations=expected)
-    positions = np.tile([body.position for body in bodies], (7, 1, 1))
-    positions[:, 2, 0] = np.linspace(0.2, 0.8, 7)
-    velocities = np.zeros_like(positions)
-    velocities[:, 2, 0] = 6.0
-    context = Context(
-        recordings.recording(scenario, position=positions, linear_velocity=velocities), scenario
-    )
-    g = gap_of(context, [(0, 2), (1, 2)])
-    assert g.gap == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.3, 0.2, 0.1], abs=1e-7)
-    assert g.rate == pytest.approx([6.0] * 4 + [-6.0] * 3, abs=1e-6) or g.rate == pytest.approx(
-        [6.0] * 3 + [-6.0] * 4, abs=1e-6
-    )
-    # without gravity the last frames' arc would close a frame later
-    assert np.isnan(first_closing(context, g, 0.0))
 
 
 EXACT = 1e-6

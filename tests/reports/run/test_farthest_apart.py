@@ -12,7 +12,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.run.farthest_apart import THRESHOLD, apart_rows, measured_horizon
-from touchstone.reports.views.apart import apart_table, headlines, length_text
+from touchstone.reports.views.apart import apart_table, headlines
 from touchstone.scenarios.catalogue import catalogue
 
 BALANCED, PAPER, MUJOCO = ("reference", "balanced"), ("reference", "paper"), ("mujoco", "recommended")
@@ -94,15 +94,6 @@ def test_a_table_counts_what_it_does_not_show(apart):
     lines = apart_table([replace(row, subject=f"b{k}", value=0.01 * k) for k in range(10)])
     assert [line[1] for line in lines] == [*(f"b{k}" for k in range(9, 1, -1)), "and 2 more"]
     assert lines[-1][2] == "at most 20 mm"
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.0, "0 um"), (2.5e-5, "25 um"), (1e-3, "1 mm"), (0.219, "219 mm"), (9.216, "9.22 m")],
-)
-def test_lengths_are_short(value, text):
-    """Three digits, in m, mm or um."""
-    assert length_text(value) == text
 
 
 def played(scenario, folder: Path, children):

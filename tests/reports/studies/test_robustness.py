@@ -11,7 +11,6 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.contract import Settings
-from touchstone.adapters.registry import ENGINES
 from touchstone.reports.results import table
 from touchstone.reports.studies import robustness as study
 from touchstone.reports.studies.robustness import (
@@ -24,7 +23,6 @@ from touchstone.reports.studies.robustness import (
     run,
     short,
     table_of_runs,
-    tasks,
 )
 from touchstone.reports.verdict.figures import available_energy
 from touchstone.reports.verdict.outcomes import EXACT, lowest_points
@@ -180,13 +178,6 @@ def test_a_line_names_all_that_a_run_was():
     moved = np.array([body.position for body in task.scenario.bodies])
     there = np.array([body.position for body in random_scene(7, "heap").bodies])
     assert 0 < np.abs(moved - there).max() < 1e-15
-
-
-def test_tasks_are_seeds_per_column():
-    """Ask for every seed on every column."""
-    found = tasks([("reference", "balanced"), ("reference", "accurate")], 3, 10)
-    assert [task.seed for task in found] == [10, 11, 12] * 2
-    assert {task.settings.dt for task in found} == {ENGINES["reference"].profiles["balanced"]}
 
 
 def test_what_is_shown(fakes, shown):

@@ -9,8 +9,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from touchstone.adapters.registry import ENGINES, Entry, installed
-from touchstone.adapters.workers.environment import VersionError, environment, installed_version
+from touchstone.adapters.registry import ENGINES, Entry
+from touchstone.adapters.workers.environment import VersionError, environment
 from touchstone.adapters.workers.pip_calls import cache_folder, pip_reason
 
 HERE = str(Path(__file__).parent)
@@ -171,31 +171,3 @@ def test_an_interrupted_installation_leaves_nothing(released, monkeypatch):
     assert list(cache_folder("engines").iterdir()) == []
     with pytest.raises(VersionError, match="not a version"):
         environment("faked", "1.0; rm")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not installed("mujoco"), reason="MuJoCo is not installed")
-def test_released_versions_of_mujoco(touchstone, tmp_path, monkeypatch):
-    """MuJoCo 3.6.0 beside the installed version; needs a package index."""
-    code, out, err = touchstone(
-        "versions",
-        "--engine",
-        "mujoco",
-        "--version",
-        "3.6.0",
-        "--rounds",
-        1,
-        "--out",
-        "found",
-        "fall",
-        "slip",
-    )
-    if "pip finds no mujoco" in err:
-        pytest.skip("no package index")
-    assert code in (0, 1)
-    frame = pd.read_parquet("found/results.parquet")
-    here = installed_version("mujoco")
-    assert set(frame.version) == {"3.6.0", here}
-    assert not (frame.verdict == "error").any()
-    assert f"{here}: physics: " in out
-    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from io import StringIO
-
 import numpy as np
 import pandas as pd
 import pytest
-from rich.console import Console
 
 from touchstone.reports.cli.cheapest import lines
 from touchstone.reports.studies.work_precision.cheapest import (
     TIME,
     MeasuredSetting,
-    ToleranceError,
     cheapest,
     settings_of_scene,
     tolerance,
@@ -36,9 +32,8 @@ from touchstone.reports.studies.work_precision.errors import (
     outside,
     truth_of,
 )
-from touchstone.reports.studies.work_precision.points import COLUMNS, band, deficit, fronts, pareto
-from touchstone.reports.studies.work_precision.study import StudyCells, draw, report
-from touchstone.reports.views.render import print_parts
+from touchstone.reports.studies.work_precision.points import COLUMNS, deficit, fronts, pareto
+from touchstone.reports.studies.work_precision.study import StudyCells, draw
 from touchstone.scenarios.catalogue import catalogue
 
 WAY = np.linspace(0, 1, 11)[:, None, None] * np.array([1.0, 0.0, 0.0])
@@ -79,12 +74,6 @@ def test_codes_of_different_models_have_no_band(places):
     band = banded(**{f"code{k}": code(place) for k, place in enumerate(places)})
     assert band.codes == ()
     assert band.words.startswith("codes converge to different models, more than 50 mm apart")
-
-
-def test_one_code_is_no_band():
-    """A lone code is not its own truth."""
-    assert banded(reference=code(0.0)).codes == ()
-    assert "fewer than two codes converge" in banded(reference=code(0.0)).words
 
 
 def test_of_equal_groups_that_share_a_code_the_narrowest_counts():
@@ -146,13 +135,6 @@ def test_a_deficit_is_the_least_factor():
     assert deficit(ours, theirs, 0.2) == pytest.approx(expected)
     assert deficit(ours, ours, 0.0).max() <= 1.0
     assert np.isinf(deficit(np.zeros((0, 2)), theirs, 0.0)).all()
-
-
-def test_a_band_is_the_range_of_the_rounds():
-    """Median, least and largest, as sorted by hand."""
-    samples = RNG.random(5)
-    assert band(samples) == (sorted(samples)[2], min(samples), max(samples))
-    assert np.isnan(band([])).all()
 
 
 def test_paths_are_compared_up_to_the_horizon():
@@ -224,13 +206,6 @@ def test_the_cheapest_is_that_of_brute_force():
                 assert answer.best.excess == min(excess) > 1
 
 
-def test_nothing_measured_is_no_answer():
-    """Without a timed setting that has the quantity there is none."""
-    known = settings_of_scene(table(), 60)
-    assert cheapest(known, {"friction": 1.0}) is None
-    assert cheapest(known, {"position": 1.0}, "fifth") is None
-
-
 @pytest.mark.parametrize(
     ("text", "unit", "value"),
     [
@@ -244,24 +219,6 @@ def test_nothing_measured_is_no_answer():
 def test_a_tolerance_has_a_unit(text, unit, value):
     """Numbers with units become SI."""
     assert tolerance(text, unit, "--x") == pytest.approx(value)
-
-
-@pytest.mark.parametrize(
-    ("text", "unit", "said"),
-    [
-        ("1", "m", "--x 1: no unit; valid: m, cm, mm, um, such as 1m"),
-        ("1inch", "m", "--x 1inch: unit 'inch'; valid: m, cm"),
-        ("4mm", "s", "--x 4mm: unit 'mm'; valid: s, ms, us"),
-        ("-1mm", "m", "--x -1mm: expected a number of m, cm, mm, um that is not negative"),
-        ("1e999mm", "m", "--x 1e999mm: expected a number"),
-        ("mm", "m", "--x mm: expected a number"),
-        ("", "m", "--x : no unit"),
-    ],
-)
-def test_a_tolerance_without_one_is_refused(text, unit, said):
-    """One line names the valid units."""
-    with pytest.raises(ToleranceError, match=said):
-        tolerance(text, unit, "--x")
 
 
 def test_fronts_name_the_point_that_is_not_dominated():
@@ -338,15 +295,6 @@ def test_the_longest_cells_are_measured_first():
         steps = [cell.dt for cell in cells if cell.scenario == scene]
         assert steps == sorted(steps)
     assert set(cells) == {*asked.truths, *asked.measured, *asked.ladder}
-
-
-def test_a_study_says_what_it_cost():
-    """The wall time of each phase is printed."""
-    frame = table()
-    frame.attrs["seconds"] = {"accuracy": 61.2, "timing": 30.4}
-    console = Console(record=True, width=100, file=StringIO())
-    print_parts(report(frame), console)
-    assert "The study took 92 s: accuracy 61 s, timing 30 s." in console.export_text()
 
 
 def test_the_ladder_changes_one_setting_at_a_time():

@@ -9,16 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from touchstone.adapters.contract import AdapterError, Settings
-from touchstone.adapters.recorder import record
-from touchstone.adapters.recording import RunEnded
-from touchstone.adapters.registry import ENGINES, installed, load
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.read import read_scene, scenario_of
 from touchstone.scenarios.files.write import scene_data, scene_json, scene_toml
 from touchstone.scenarios.scenario import MetricLimit, Scenario
-
-FIELDS = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "contacts")
 
 
 def again(scenario: Scenario, form: str, folder) -> Scenario:
@@ -69,40 +63,3 @@ def test_toml_leaves_defaults_out():
     assert "frame_rate" not in data
     assert "orientation" not in data["bodies"][0]
     assert "acceleration = [0.0, 0.0, -9.81]" in text
-
-
-def recorded(engine: str, scenario: Scenario) -> tuple[str, list[bytes]]:
-    """How a run ended and the bytes of its states and contacts."""
-    profile, dt = next(iter(ENGINES[engine].profiles.items()))
-    ended = ""
-    try:
-        recording = record(load(engine), scenario, Settings(profile, dt))
-    except RunEnded as error:
-        ended, recording = str(error), error.recording
-    except AdapterError as error:
-        return str(error), []
-    return ended, [np.ascontiguousarray(getattr(recording, name)).tobytes() for name in FIELDS]
-
-
-@pytest.mark.parametrize("form", ["json", "toml"])
-@pytest.mark.parametrize("name", ["fall", "corner_slide", "ball_snip"])
-def test_recordings_are_identical(name, form, tmp_path):
-    """The reference plays a scene from a file as it plays the scene: to the bit."""
-    scenario = replace(catalogue()[name], duration=0.5, expectations=(), truths=())
-    assert recorded("reference", again(scenario, form, tmp_path)) == recorded("reference", scenario)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("engine", [name for name in ENGINES if installed(name)])
-def test_recordings_of_every_scene_are_identical(engine, tmp_path):
-    """The reference plays every scene of at most 60 bodies from both files as it plays the scene, other
-    engines its first 0.1 s: DART's stacks take minutes."""
-    for scenario in catalogue().values():
-        if len(scenario.bodies) > 60:
-            continue
-        if engine != "reference":
-            first = min(scenario.duration, 6 / scenario.frame_rate)
-            scenario = replace(scenario, duration=first, expectations=(), truths=(), forces=())
-        own = recorded(engine, scenario)
-        for form in ("json", "toml"):
-            assert recorded(engine, again(scenario, form, tmp_path)) == own, scenario.name

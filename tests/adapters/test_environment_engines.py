@@ -1,5 +1,5 @@
-"""Rapier and PhysX in their environments: conformance, closed forms, what they report, what they refuse.
-Without its environment (touchstone env add rapier, physx) an engine is skipped."""
+"""Newton, Rapier and PhysX in their environments: conformance, closed forms, what they report and refuse.
+Without its environment (touchstone env add newton, rapier, physx) an engine is skipped."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recording import load as loaded
 from touchstone.adapters.registry import (
     DEFAULT_ENGINES,
-    ENGINES,
     installed,
     missing_reason,
     profiles_of,
@@ -26,29 +25,34 @@ from touchstone.adapters.workers.play import play
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Capsule, Hull, PairCoefficients
 
-PROFILES = {"rapier": ("recommended", "default", "accurate"), "physx": ("recommended", "default", "pgs")}
+PROFILES = {
+    "rapier": ("recommended", "default", "accurate"),
+    "physx": ("recommended", "default", "pgs"),
+    "newton": ("xpbd", "mujoco", "mujoco-elliptic", "steel", "kamino"),
+}
 SPEED, MU, G, HALF = 3.0, 0.5, 9.81, 0.1
 
 
-def needed(name, *values):
+def needed(name, *values, slow=False):
     """Values of a parametrised test, which is skipped where the engine is not installed."""
     skip = pytest.mark.skipif(not installed(name), reason=f"{name}: {missing_reason(name)}")
-    return pytest.param(name, *values, marks=skip, id=" ".join((name, *map(str, values))))
+    marks = (skip, pytest.mark.slow) if slow else skip
+    return pytest.param(name, *values, marks=marks, id=" ".join((name, *map(str, values))))
 
 
-EACH = [needed(name, profile) for name, profiles in PROFILES.items() for profile in profiles]
-BOTH = [needed(name) for name in PROFILES]
+EACH = [
+    needed(name, profile, slow=name == "newton")
+    for name, profiles in PROFILES.items()
+    for profile in profiles
+]
+BOTH = [needed(name) for name in ("rapier", "physx")]
 
 
 @pytest.fixture(autouse=True)
 def named():
-    """Both are known as long as a test of this file runs."""
-    before = dict(ENGINES)
+    """All are known as long as a test of this file runs."""
     for name in PROFILES:
         registered(name)
-    yield
-    ENGINES.clear()
-    ENGINES.update(before)
 
 
 @pytest.fixture
@@ -66,7 +70,7 @@ def run_of(scenario, name, profile="recommended"):
 
 @pytest.mark.parametrize("name", PROFILES)
 def test_they_play_only_when_they_are_named(name):
-    """Neither is among the engines that play by default; its table has a column per profile."""
+    """None is among the engines that play by default; its table has a column per profile."""
     assert name not in DEFAULT_ENGINES
     assert settings_of(name).profiles == tuple(profiles_of(name)) == PROFILES[name]
 
@@ -83,6 +87,7 @@ def test_the_adapter_conforms(name, profile):
         *(needed("rapier", profile, 0.01) for profile in ("recommended", "default")),
         needed("rapier", "accurate", 0.07),  # it depends on the heading: docs/findings/rapier.md
         *(needed("physx", profile, 0.02) for profile in PROFILES["physx"]),
+        *(needed("newton", p, 0.02, slow=True) for p in ("xpbd", "mujoco-elliptic", "steel", "kamino")),
     ],
 )
 def test_a_box_slides_as_far_as_coulomb_says(name, profile, largest, lab, box):
@@ -92,14 +97,17 @@ def test_a_box_slides_as_far_as_coulomb_says(name, profile, largest, lab, box):
     assert run.recording.position[-1, 1, 0] == pytest.approx(SPEED**2 / (2 * MU * G), rel=largest)
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_a_hull_rests_on_its_face(name, lab, box):
+@pytest.mark.parametrize(
+    ("name", "profile"),
+    [needed("rapier", "recommended"), needed("physx", "recommended"), needed("newton", "steel")],
+)
+def test_a_hull_rests_on_its_face(name, profile, lab, box):
     """A cube of eight vertices stays where a box does."""
     scenario = lab.scene(lab.ground(), box(), duration=0.2)
     ground, cube = scenario.bodies
     corners = tuple((x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF))
     hull = replace(cube, pieces=(replace(cube.pieces[0], shape=Hull(corners)),))
-    run = run_of(replace(scenario, bodies=(ground, hull)), name)
+    run = run_of(replace(scenario, bodies=(ground, hull)), name, profile)
     np.testing.assert_allclose(run.recording.position[-1, 1], cube.position, atol=1e-3)
 
 
@@ -136,14 +144,21 @@ def test_a_posed_hand_pushes_a_ball(name, tmp_path):
     assert np.linalg.norm(loaded(job.recording).linear_velocity[-1], axis=1).max() > 0.1
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_coupled_bodies_are_refused(name):
-    """One line says what the adapter lacks, and what to choose."""
-    run = play(catalogue()["grip"], [(name, "recommended")])[name, "recommended"]
-    assert (run.status, run.reason) == (
-        "skipped",
-        f"{name}: the adapter has no coupled bodies; choose --drive posed",
-    )
+@pytest.mark.parametrize(
+    ("name", "profile", "scene", "reason"),
+    [
+        needed("rapier", "recommended", "grip", "the adapter has no coupled bodies; choose --drive posed"),
+        needed("physx", "recommended", "grip", "the adapter has no coupled bodies; choose --drive posed"),
+        needed("newton", "xpbd", "ball_snip", "the adapter has no driven or prescribed bodies"),
+        needed("newton", "mujoco", "bounce_e1", "restitution must be 0 or up to 0.3, found 1 for the pairs"),
+        needed("newton", "kamino", "fall", "Kamino steps no scene in which nothing can touch"),
+    ],
+)
+def test_what_cannot_be_represented_is_refused(name, profile, scene, reason):
+    """One line says what the adapter or the solver lacks."""
+    run = play(catalogue()[scene], [(name, profile)])[name, profile]
+    assert run.status == "skipped"
+    assert run.reason.startswith(f"{name}: {reason}")
 
 
 @pytest.mark.parametrize("name", [needed("rapier")])
@@ -174,6 +189,27 @@ def test_rapier_takes_a_combine_rule_that_gives_each_pair_its_friction(name, lab
     assert facts["settings"]["friction_rule"] == "CoefficientCombineRule.MULTIPLY"
     found = sorted(group["friction"] for group in facts["pairs"])
     assert found == pytest.approx([0.09, 0.3], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", [needed("newton")])
+def test_friction_of_newton_has_a_factor_per_body(name, lab):
+    """Each pair has its own coefficient by the mean of both; the manifest reads it back."""
+    scenario = lab.scene(lab.ground(), lab.ball("one", (0.0, 0.0, 0.05)), lab.ball("two", (0.1, 0.0, 0.05)))
+    floor, one, two = scenario.bodies
+    table = (
+        PairCoefficients("wood", "wood", 0.0, 0.5),
+        PairCoefficients("wood", "metal", 0.0, 0.4),
+        PairCoefficients("metal", "metal", 0.0, 0.3),
+    )
+    mixed = replace(scenario, bodies=(floor, replace(one, material="metal"), two), coefficients=table)
+    found = {
+        tuple(sorted((a, b))): group["friction"]
+        for group in run_of(mixed, name, "steel").recording.facts["pairs"]
+        for a in group["bodies_a"]
+        for b in group["bodies_b"]
+        if a != b
+    }
+    assert found == pytest.approx({("ground", "one"): 0.4, ("ground", "two"): 0.5, ("one", "two"): 0.4})
 
 
 @pytest.mark.parametrize(("name", "profile", "rises"), [
