@@ -75,12 +75,12 @@ def apply_forces(bodies, joints, drivers, lead, h, state):
 
 @kernel
 def none_turns(bodies):
-    """Whether free flight keeps the orientations of all simulated bodies to the bit: none spins, and none is
-    changed by the normalisation that follows a turn."""
+    """Whether free flight keeps the orientations of all simulated bodies to the bit: none spins or hangs on a
+    joint, and none is changed by the normalisation that follows a turn."""
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             w, q = bodies[b]["omega"], bodies[b]["orientation"]
-            if w[0] != 0 or w[1] != 0 or w[2] != 0:
+            if w[0] != 0 or w[1] != 0 or w[2] != 0 or bodies[b]["driver"] >= 0:
                 return False
             size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
             for i in range(4):
