@@ -16,7 +16,6 @@ from touchstone.scenarios.avatar.chains import check_chains
 from touchstone.scenarios.avatar.number_checks import (
     LARGEST,
     LONGEST,
-    SHORTEST,
     UNIT_TOLERANCE,
     Report,
     finite,
@@ -299,17 +298,15 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
         seen.add(pair_names)
         if not 0 <= pair.restitution <= 1:
             report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
-        if not (0 <= pair.friction <= LARGEST):
-            report(f"coefficients[{i}].friction", f"found {pair.friction}, expected 0 to {LARGEST:g}")
-        for name in ("rolling_friction", "torsional_friction"):
-            length = getattr(pair, name)
-            if not (0 <= length <= LONGEST):
-                report(f"coefficients[{i}].{name}", f"found {length}, expected 0 to {LONGEST:g} m")
-        if not (0 <= pair.static_friction <= LARGEST):
-            report(
-                f"coefficients[{i}].static_friction", f"found {pair.static_friction}, expected 0 to {LARGEST:g}"
-            )
-        elif 0 < pair.static_friction < pair.friction:
+        for names, most, unit_of in (
+            (("friction", "static_friction"), LARGEST, ""),
+            (("rolling_friction", "torsional_friction"), LONGEST, " m"),
+        ):
+            for name in names:
+                if not 0 <= getattr(pair, name) <= most:
+                    found = f"found {getattr(pair, name)}, expected 0 to {most:g}{unit_of}"
+                    report(f"coefficients[{i}].{name}", found)
+        if 0 < pair.static_friction < pair.friction:
             report(
                 f"coefficients[{i}].static_friction",
                 f"found {pair.static_friction}, expected at least friction = {pair.friction}, or 0",
