@@ -69,6 +69,14 @@ LONGEST_NAME = 100
 """Characters of a body's, joint's or piece's name: they stand in tables and pictures."""
 SHAPES = tuple(kind.__name__ for kind in get_args(Shape))
 
+COEFFICIENTS = (
+    ("friction", LARGEST, ""),
+    ("static_friction", LARGEST, ""),
+    ("rolling_friction", LONGEST, " m"),
+    ("torsional_friction", LONGEST, " m"),
+)
+"""Coefficients of friction, the largest of each, and its unit."""
+
 FLATNESS = 1e-6
 """Volume of a hull, relative to the cube of its size, below which it counts as flat [1]."""
 SYMMETRY = 1e-12
@@ -298,14 +306,10 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
         seen.add(pair_names)
         if not 0 <= pair.restitution <= 1:
             report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
-        for names, most, unit_of in (
-            (("friction", "static_friction"), LARGEST, ""),
-            (("rolling_friction", "torsional_friction"), LONGEST, " m"),
-        ):
-            for name in names:
-                if not 0 <= getattr(pair, name) <= most:
-                    found = f"found {getattr(pair, name)}, expected 0 to {most:g}{unit_of}"
-                    report(f"coefficients[{i}].{name}", found)
+        for name, most, ends in COEFFICIENTS:
+            if not 0 <= getattr(pair, name) <= most:
+                expected = f"expected 0 to {most:g}{ends}"
+                report(f"coefficients[{i}].{name}", f"found {getattr(pair, name)}, {expected}")
         if 0 < pair.static_friction < pair.friction:
             report(
                 f"coefficients[{i}].static_friction",
