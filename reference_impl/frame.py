@@ -22,6 +22,7 @@ from touchstone.reference_impl.contact.integrate import (
     begin_substep,
     end_substep,
     fly_straight,
+    none_turns,
     pose_at,
     set_paths,
     set_ways,
@@ -209,7 +210,7 @@ def _fly(world):
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state, h = world.pairs, world.state, world.state["dt"]
     start = clock(state["clock"]) if len(drivers) > 0 else 0.0
-    if state["skip_rotation"] == 1:
+    if state["skip_rotation"] == 1 or none_turns(bodies):
         fly_straight(bodies, state["gravity"], h)
     else:
         begin_substep(bodies, joints, drivers)

@@ -8,7 +8,7 @@ from math import pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from touchstone.scenarios.scenario import Matrix, Vector, vector
 
@@ -33,7 +33,7 @@ def rounded_mass_properties(
     points = np.array(vertices, dtype=float).reshape(-1, 3)
     try:
         hull = ConvexHull(points)
-    except ValueError as error:  # QhullError is one
+    except (QhullError, ValueError) as error:
         raise ValueError(f"{len(points)} vertices span no volume") from error
     inside = points.mean(axis=0)
     parts = [*_faces(points - inside, hull, radius), *_edges_and_corners(points - inside, hull, radius)]

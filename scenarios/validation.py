@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations_with_replacement, pairwise
-from math import inf, isfinite
+from math import inf, ulp
 from typing import get_args
 
 import numpy as np
@@ -14,12 +14,14 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.chains import check_chains
 from touchstone.scenarios.avatar.number_checks import (
+    LARGEST,
     LONGEST,
     UNIT_TOLERANCE,
     Report,
     finite,
     finite_rows,
     positive,
+    sizes,
     unit,
 )
 from touchstone.scenarios.avatar.tracker_checks import check_driving, check_tracker
@@ -53,6 +55,7 @@ from touchstone.scenarios.scenario import (
     Sphere,
     Truth,
 )
+from touchstone.scenarios.solids import box_corners
 from touchstone.scenarios.truths.force_checks import check_forces
 from touchstone.scenarios.truths.mechanism import check_mechanism
 from touchstone.scenarios.truths.pair_names import ambiguities
@@ -65,6 +68,14 @@ from touchstone.scenarios.truths.tipping import check_tipping
 LONGEST_NAME = 100
 """Characters of a body's, joint's or piece's name: they stand in tables and pictures."""
 SHAPES = tuple(kind.__name__ for kind in get_args(Shape))
+
+COEFFICIENTS = (
+    ("friction", LARGEST, ""),
+    ("static_friction", LARGEST, ""),
+    ("rolling_friction", LONGEST, " m"),
+    ("torsional_friction", LONGEST, " m"),
+)
+"""Coefficients of friction, the largest of each, and its unit."""
 
 FLATNESS = 1e-6
 """Volume of a hull, relative to the cube of its size, below which it counts as flat [1]."""
@@ -110,7 +121,7 @@ CHECKS.append(faults)
 
 
 def _check_numbers(scenario: Scenario, report: Report) -> None:
-    finite(scenario.gravity, "gravity", report, 3)
+    finite(scenario.gravity, "gravity", report, 3, LONGEST)
     for field, least in (("frame_rate", 1), ("seed", 0)):
         value = getattr(scenario, field)
         if not isinstance(value, int) or value < least:
@@ -171,10 +182,10 @@ def _check_body(body: Body, path: str, is_joined: bool, report: Report) -> None:
         report(f"{path}.kind", f"unknown kind {body.kind!r}; valid: {', '.join(get_args(Kind))}")
     unit(body.orientation, f"{path}.orientation", report, 4)
     for field in ("position", "linear_velocity", "angular_velocity", "center_of_mass"):
-        finite(getattr(body, field), f"{path}.{field}", report, 3, inf if "velocity" in field else LONGEST)
+        finite(getattr(body, field), f"{path}.{field}", report, 3, LONGEST)
     if body.kind not in UNMOVED:
-        positive([body.mass], f"{path}.mass", report)
-        if finite_rows(body.inertia, f"{path}.inertia", report, 3):
+        positive([body.mass], f"{path}.mass", report, most=inf, least=ulp(0.0))
+        if finite_rows(body.inertia, f"{path}.inertia", report, 3, inf):
             _check_inertia(np.array(body.inertia), f"{path}.inertia", report)
     still = ("linear_velocity", "angular_velocity")
     tracked = dict.fromkeys(TRACKED, ("position", "orientation", *still))
@@ -190,7 +201,7 @@ def _check_body(body: Body, path: str, is_joined: bool, report: Report) -> None:
             found = f"found a half-space on a {body.kind} body, expected a fixed one"
             report(f"{path}.pieces[{k}].shape", found)
         for field in ("surface_velocity", "surface_angular_velocity"):
-            finite(getattr(piece, field), f"{path}.pieces[{k}].{field}", report, 3)
+            finite(getattr(piece, field), f"{path}.pieces[{k}].{field}", report, 3, LONGEST)
             if body.kind not in UNMOVED and any(getattr(piece, field)):
                 report(
                     f"{path}.pieces[{k}].{field}",
@@ -224,20 +235,21 @@ def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:
 def _check_shape(shape: Shape, path: str, report: Report) -> None:
     match shape:
         case Sphere(radius):
-            positive([radius], f"{path}.radius", report, most=LONGEST)
+            sizes([radius], f"{path}.radius", report)
         case Box(half_extents):
-            positive(half_extents, f"{path}.half_extents", report, 3, LONGEST)
+            sizes(half_extents, f"{path}.half_extents", report, 3)
         case Capsule(radius, half_length) | Cylinder(radius, half_length) | Cone(radius, half_length):
-            positive([radius], f"{path}.radius", report, most=LONGEST)
-            positive([half_length], f"{path}.half_length", report, most=LONGEST)
+            sizes([radius], f"{path}.radius", report)
+            sizes([half_length], f"{path}.half_length", report)
         case Ellipsoid(half_axes):
-            positive(half_axes, f"{path}.half_axes", report, 3, LONGEST)
+            sizes(half_axes, f"{path}.half_axes", report, 3)
         case Hull(vertices):
             if finite_rows(vertices, f"{path}.vertices", report, 3, LONGEST):
                 _check_hull(np.array(vertices, dtype=float).reshape(-1, 3), f"{path}.vertices", report)
         case RoundedBox(half_extents, radius):
-            _check_shape(Box(half_extents), path, report)
             _check_shape(Sphere(radius), path, report)
+            if sizes(half_extents, f"{path}.half_extents", report, 3):
+                _check_hull(np.array(box_corners(half_extents)), f"{path}.half_extents", report)
         case RoundedHull(vertices, radius):
             _check_shape(Hull(vertices), path, report)
             _check_shape(Sphere(radius), path, report)
@@ -252,6 +264,7 @@ def _check_hull(vertices: np.ndarray, path: str, report: Report) -> None:
         report(path, f"found {len(vertices)} vertices, expected at least 4")
         return
     size = np.ptp(vertices, axis=0).max()
+    sizes([size], path, report)
     try:
         hull = ConvexHull(vertices)
     except QhullError:
@@ -293,17 +306,11 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
         seen.add(pair_names)
         if not 0 <= pair.restitution <= 1:
             report(f"coefficients[{i}].restitution", f"found {pair.restitution}, expected 0 to 1")
-        if not (isfinite(pair.friction) and pair.friction >= 0):
-            report(f"coefficients[{i}].friction", f"found {pair.friction}, expected a number >= 0")
-        for name in ("rolling_friction", "torsional_friction"):
-            length = getattr(pair, name)
-            if not (isfinite(length) and length >= 0):
-                report(f"coefficients[{i}].{name}", f"found {length}, expected a length >= 0 [m]")
-        if not (isfinite(pair.static_friction) and pair.static_friction >= 0):
-            report(
-                f"coefficients[{i}].static_friction", f"found {pair.static_friction}, expected a number >= 0"
-            )
-        elif 0 < pair.static_friction < pair.friction:
+        for name, most, ends in COEFFICIENTS:
+            if not 0 <= getattr(pair, name) <= most:
+                expected = f"expected 0 to {most:g}{ends}"
+                report(f"coefficients[{i}].{name}", f"found {getattr(pair, name)}, {expected}")
+        if 0 < pair.static_friction < pair.friction:
             report(
                 f"coefficients[{i}].static_friction",
                 f"found {pair.static_friction}, expected at least friction = {pair.friction}, or 0",

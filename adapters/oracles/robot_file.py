@@ -282,8 +282,9 @@ def _hinges_apart(ours: Mapping[str, Hinge], tree: FileTree, size: float) -> dic
         moment = float(np.abs(hinge.moment - other.moment).max()) / (1.0 if other.slides else size)
         off["axes"] = max(off["axes"], moment, float(np.abs(hinge.axis - other.axis).max()))
         # equal limits, such as the zeros of a URDF that states none, are no limits: the importer notes it
-        low, high = other.limits if other.limits[0] < other.limits[1] else (-UNLIMITED, UNLIMITED)
-        off["limits"] = max(off["limits"], abs(hinge.limits[0] - low), abs(hinge.limits[1] - high))
+        theirs = other.limits if other.limits[0] < other.limits[1] else (-UNLIMITED, UNLIMITED)
+        apart = np.clip(hinge.limits, -UNLIMITED, UNLIMITED) - np.clip(theirs, -UNLIMITED, UNLIMITED)
+        off["limits"] = max(off["limits"], float(np.abs(apart).max()))
     return off
 
 
@@ -322,7 +323,9 @@ def _of_mechanism(found: Imported, tree: FileTree) -> dict[str, float]:
     rng, size = np.random.default_rng(0), 1.0
     for k in range(POSTURES):
         moved = {joint.name for joint in joints} & set(tree.turned)
-        given = {name: rng.uniform(-1, 1) if k else start[name] for name in sorted(moved)}
+        # a slider moves by the robot's size, by which deviations of centres are measured
+        most = {name: size if tree.hinges[name].slides else 1.0 for name in sorted(moved)}
+        given = {name: rng.uniform(-far, far) if k else start[name] for name, far in most.items()}
         motions = _motions(joints, {name: q - start[name] for name, q in given.items()})
         parts = []
         for name, body in bodies.items():
@@ -340,7 +343,7 @@ def _of_mechanism(found: Imported, tree: FileTree) -> dict[str, float]:
         spin, way = neutral.get(joint.parent, (np.eye(3), np.zeros(3)))
         point = turn.T @ (spin @ joint.anchor + way - place)
         axis, q = turn.T @ spin @ joint.axis, start.get(joint.name, 0.0)
-        limits = max(joint.lower + q, -UNLIMITED), min(joint.upper + q, UNLIMITED)
+        limits = joint.lower + q, joint.upper + q
         if joint.type == "ball":
             for letter, along in zip("xyz", (turn.T @ matrix(bodies[joint.child].orientation)).T):
                 # a scene has no limits of ball joints, which a note says

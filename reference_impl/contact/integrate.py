@@ -1,5 +1,7 @@
 """Integration of the velocities and poses of simulated bodies over a substep."""
 
+from math import sqrt
+
 from touchstone.reference_impl.continuous.driver_motion import (
     begin_driver,
     coast,
@@ -69,6 +71,22 @@ def apply_forces(bodies, joints, drivers, lead, h, state):
     for d in range(len(drivers)):
         if drivers[d]["loops"] == 1:
             coast(bodies, joints, drivers[d], h, lead, state["dt"])
+
+
+@kernel
+def none_turns(bodies):
+    """Whether free flight keeps the orientations of all simulated bodies to the bit: none spins or hangs on a
+    joint, and none is changed by the normalisation that follows a turn."""
+    for b in range(len(bodies)):
+        if bodies[b]["kind"] == SIMULATED:
+            w, q = bodies[b]["omega"], bodies[b]["orientation"]
+            if w[0] != 0 or w[1] != 0 or w[2] != 0 or bodies[b]["driver"] >= 0:
+                return False
+            size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+            for i in range(4):
+                if q[i] / size != q[i]:
+                    return False
+    return True
 
 
 @kernel

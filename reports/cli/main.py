@@ -108,7 +108,15 @@ class Listing(StrEnum):
 
 def main() -> None:
     """Entry point: every expected failure ends in one line on standard error."""
+    if bad := [word for word in sys.argv[1:] if not word.isprintable()]:
+        sys.exit(_refused(bad[0]))
     guarded(lambda: app(prog_name="touchstone", standalone_mode=False))
+
+
+def _refused(word: str) -> int:
+    """Exit code for an argument with control characters, which would break the lines of messages."""
+    print(f"touchstone: found {word!r}, expected printable characters", file=sys.stderr)
+    return BAD_INPUT
 
 
 def _version(wanted: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from math import inf, isfinite
+from math import isfinite
 
 import numpy as np
 
@@ -11,6 +11,10 @@ Report = Callable[[str, str], None]
 """Takes the path of a field and what is wrong with it."""
 LONGEST = 1e15
 """Magnitude of lengths and coordinates of a scene [m]: beyond it, sums lose all digits of a metre."""
+SHORTEST = 1e-15
+"""Least size of a shape [m]: beside a metre it is rounding."""
+LARGEST, SMALLEST = 1e30, 1e-30
+"""Magnitude of any number of a scene, and least positive one [SI]: products of three keep all digits."""
 UNIT_TOLERANCE = 1e-9
 """Tolerance of the length of a unit quaternion or axis [1]: rounding."""
 
@@ -23,7 +27,7 @@ def number_of(text: str) -> float:
 
 
 def finite(
-    values: Iterable[float], path: str, report: Report, width: int | None = None, most: float = inf
+    values: Iterable[float], path: str, report: Report, width: int | None = None, most: float = LARGEST
 ) -> bool:
     """Report numbers that are not finite, larger than `most`, or not `width` many; whether there are none."""
     numbers = list(values)
@@ -41,7 +45,7 @@ def finite(
 
 
 def finite_rows(
-    rows: Iterable[Iterable[float]], path: str, report: Report, width: int, most: float = inf
+    rows: Iterable[Iterable[float]], path: str, report: Report, width: int, most: float = LARGEST
 ) -> bool:
     """Report rows of numbers that are not finite, or not `width` long; whether there are none."""
     bad = [k for k, row in enumerate(rows) if not finite(row, f"{path}[{k}]", report, width, most)]
@@ -49,12 +53,26 @@ def finite_rows(
 
 
 def positive(
-    values: Iterable[float], path: str, report: Report, width: int | None = None, most: float = inf
-) -> None:
-    """Report numbers that are not positive."""
+    values: Iterable[float],
+    path: str,
+    report: Report,
+    width: int | None = None,
+    most: float = LARGEST,
+    least: float = SMALLEST,
+) -> bool:
+    """Report numbers that are not positive, or beyond `least` and `most`; whether there are none."""
     numbers = list(values)
-    if finite(numbers, path, report, width, most) and min(numbers) <= 0:
-        report(path, f"found {min(numbers)}, expected positive numbers")
+    if not finite(numbers, path, report, width, most):
+        return False
+    if min(numbers) < least:
+        expected = f"numbers of at least {least:g}" if min(numbers) > 0 else "positive numbers"
+        report(path, f"found {min(numbers)}, expected {expected}")
+    return min(numbers) >= least
+
+
+def sizes(values: Iterable[float], path: str, report: Report, width: int | None = None) -> bool:
+    """Report sizes of a shape [m] that are not positive, or that no scene has; whether there are none."""
+    return positive(values, path, report, width, LONGEST, SHORTEST)
 
 
 def unit(values: tuple[float, ...], path: str, report: Report, width: int) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import MISSING, fields
 from itertools import pairwise
-from math import inf
 
 from touchstone.scenarios.avatar.number_checks import LONGEST, Report, finite, positive, unit
 from touchstone.scenarios.scenario import INTERPOLATIONS, TRACKED, Scenario, Tracker
@@ -67,7 +66,7 @@ def check_tracker(scenario: Scenario, tracker: Tracker, path: str, report: Repor
             if field == "orientations":
                 unit(row, f"{path}.{field}[{k}]", report, 4)
             else:
-                finite(row, f"{path}.{field}[{k}]", report, most=LONGEST if field == "positions" else inf)
+                finite(row, f"{path}.{field}[{k}]", report, most=LONGEST)
     if scenario.prescribes(tracker):
         _check_path(tracker, path, report)
     if tracker.interpolation not in INTERPOLATIONS:

@@ -7,7 +7,9 @@ import os
 import re
 import sys
 from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -21,10 +23,13 @@ from touchstone.adapters.recording import RecordingError, load
 from touchstone.adapters.registry import installed
 from touchstone.adapters.registry import load as load_engine
 from touchstone.reports.cli.main import main
-from touchstone.reports.runner.store import Store, StoreError
+from touchstone.reports.results import Row
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.store import Done, Store, StoreError
 from touchstone.reports.studies.stability.play import play_scenario
 from touchstone.reports.verdict.outcomes import CLASSES
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.difficulty.checks import Checks
 from touchstone.scenarios.difficulty.family import hard_scene
 from touchstone.scenarios.files.read import SceneFileError, read_scene
 from touchstone.scenarios.files.tracker_file import TrackerFileError, keyframes
@@ -48,11 +53,30 @@ SCRAMBLED = st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_
 """Bytes that are changed: place and new value."""
 
 
+RECORDED = ("fall", "stick_slip", "press")
+"""Without contacts; with joints and contacts; with a driven body."""
+
+
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
-    """Bytes of a valid recording."""
-    path = tmp_path_factory.mktemp("saved") / "run.npz"
-    record(load_engine("reference"), catalogue()["fall"], Settings("balanced", 1 / 60)).save(path)
+    """Bytes of valid recordings, by scene."""
+    path, found = tmp_path_factory.mktemp("saved") / "run.npz", {}
+    for name in RECORDED:
+        record(load_engine("reference"), catalogue()[name], Settings("balanced", 1 / 60)).save(path)
+        found[name] = path.read_bytes()
+    return found
+
+
+@pytest.fixture(scope="module")
+def cells(tmp_path_factory):
+    """Bytes of a valid file of a store."""
+    folder = tmp_path_factory.mktemp("cells")
+    with Store(folder).opened() as store:
+        row = Row("sweep", "fall", "reference", "balanced", 1 / 60, "run", value=1.0)
+        store.append(
+            [Done(Cell("fall", "reference", "balanced", 1 / 60), (row,), series={"run": [0.0, 1.0]})]
+        )
+        (path,) = (folder / "cells").iterdir()
     return path.read_bytes()
 
 
@@ -65,16 +89,32 @@ def damaged(data: bytes, changes, cut: int) -> bytes:
 
 
 @FUZZ
-@given(changes=SCRAMBLED, cut=st.one_of(st.just(0), st.integers(0, 10**6)))
-def test_a_damaged_recording_is_refused_or_read(saved, tmp_path, changes, cut):
+@given(name=st.sampled_from(RECORDED), changes=SCRAMBLED, cut=st.one_of(st.just(0), st.integers(0, 10**6)))
+def test_a_damaged_recording_is_refused_or_read(saved, tmp_path, name, changes, cut):
     """Bytes of a recording may change anywhere: it is read, or refused with its path."""
     path = tmp_path / "run.npz"
-    path.write_bytes(damaged(saved, changes, cut))
+    path.write_bytes(damaged(saved[name], changes, cut))
     message = ""
     try:
         load(path)
     except RecordingError as error:
         message = str(error)
+    assert not message or str(path) in message
+    assert "\n" not in message
+
+
+@FUZZ
+@given(changes=SCRAMBLED, cut=st.one_of(st.just(0), st.integers(0, 10**4)))
+def test_a_damaged_store_is_refused_or_read(cells, tmp_path, changes, cut):
+    """Bytes of a store's file may change anywhere: it is read, or refused with its path."""
+    with Store(tmp_path).opened() as store:
+        path = tmp_path / "cells" / "one.parquet"
+        path.write_bytes(damaged(cells, changes, cut))
+        message = ""
+        try:
+            store.table()
+        except StoreError as error:
+            message = str(error)
     assert not message or str(path) in message
     assert "\n" not in message
 
@@ -122,8 +162,46 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-DOCUMENTS = {name: scene_data(catalogue()[name]) for name in ("bounce_e05", "press", "belt", "turntable")}
-"""Simulated, driven, moving and prescribed bodies."""
+def solid(name, shape, **fields):
+    """A simulated body of one shape."""
+    piece = {"name": name, "shape": shape}
+    return {"name": name, "kind": "simulated", "material": "wood", "mass": 0.3, "pieces": [piece], **fields}
+
+
+CORNER = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+OF_ALL_KINDS = {
+    "duration": 0.2,
+    "coefficients": [
+        {"material_a": "wood", "material_b": "wood", "restitution": 0.3, "friction": 0.4}
+        | {"static_friction": 0.5, "rolling_friction": 1e-3, "torsional_friction": 2e-3}
+    ],
+    "bodies": [
+        {"name": "ground", "kind": "fixed", "material": "wood"}
+        | {"pieces": [{"name": "ground", "shape": {"type": "half_space"}}]},
+        solid("cone", {"type": "cone", "radius": 0.1, "half_length": 0.1}, position=[0, 0, 0.11]),
+        solid("box", {"half_extents": [0.1, 0.1, 0.1], "radius": 0.02}, position=[0.5, 0, 0.13]),
+        solid("hull", {"vertices": CORNER, "radius": 0.02}, position=[1, 0, 0.1]),
+        solid("can", {"type": "cylinder", "radius": 0.1, "half_length": 0.1}, position=[1.5, 0, 0.5]),
+        solid("egg", {"half_axes": [0.1, 0.12, 0.14]}, position=[2, 0, 0.5]),
+        solid("pill", {"radius": 0.1, "half_length": 0.1}, position=[2.5, 0, 0.5]),
+    ],
+    "body_joints": [
+        {"name": "hinge", "type": "hinge", "parent": "", "child": "box", "anchor": [0.5, 0, 0.4]}
+        | {"axis": [0, 1, 0], "lower": -1, "upper": 1, "damping": 0.1, "target_rate": 2, "largest_force": 3},
+        {"name": "slide", "type": "slider", "parent": "cone", "child": "can", "anchor": [1, 0, 0.3]}
+        | {"axis": [0, 0, 1], "lower": -0.1, "upper": 0.1, "stiffness": 50},
+        {"name": "ball", "type": "ball", "parent": "can", "child": "egg", "anchor": [1.75, 0, 0.5]},
+        {"name": "weld", "type": "fixed", "parent": "egg", "child": "pill", "anchor": [2.25, 0, 0.5]},
+    ],
+    "contact_exclusions": [["cone", "hull"]],
+}
+"""Each shape, type of joint and law of friction; names and values as a person writes them."""
+DOCUMENTS = {
+    "all": OF_ALL_KINDS,
+    **{name: scene_data(catalogue()[name]) for name in ("bounce_e05", "press", "belt", "turntable")},
+    **{name: scene_data(catalogue()[name]) for name in ("gripper_lifts", "slider_crank", "rolls_to_rest")},
+}
+"""Simulated, driven, moving, prescribed and joined bodies."""
 
 
 @QUICK
@@ -154,6 +232,54 @@ def test_a_changed_scene_file_is_refused_or_a_scene(here, capsys, data, name, va
     assert code == 0 or reported.startswith("touchstone: "), reported
 
 
+def numbers(data) -> list:
+    """Places of the numbers of a document."""
+    found = []
+    for place in places(data):
+        value = data
+        for key in place:
+            value = value[key]
+        if isinstance(value, float) or (isinstance(value, int) and not isinstance(value, bool)):
+            found.append((place, value))
+    return found
+
+
+@QUICK
+@given(
+    data=st.data(),
+    name=st.sampled_from(sorted(DOCUMENTS)),
+    power=st.one_of(st.integers(-12, 12), st.sampled_from([-300, -30, 30, 300])),
+    shift=st.sampled_from([0.0, 1.0, -1.0]),
+)
+def test_a_scene_of_any_magnitudes_is_refused_or_has_an_outcome(tmp_path, data, name, power, shift):
+    """A few numbers of a scene file may have any size and sign: it is refused, or its first frames have an
+    outcome within their announced time."""
+    document = deepcopy(DOCUMENTS[name])
+    document["duration"] = 0.2
+    document["expectations"] = document["truths"] = document["forces"] = document["published"] = []
+    for place, value in data.draw(st.lists(st.sampled_from(numbers(document)), min_size=1, max_size=3)):
+        inner = document
+        for key in place[:-1]:
+            inner = inner[key]
+        inner[place[-1]] = (value + shift) * 10.0**power
+    (tmp_path / "scene.json").write_text(json.dumps(document))
+    try:
+        scene = read_scene(tmp_path / "scene.json")
+    except (SceneFileError, ScenarioError):
+        return
+    start = process_time()
+    shown = replace(scene, duration=min(scene.duration, 12 / scene.frame_rate))
+    found = play_scenario(
+        load_engine("reference"), shown, Checks(), Settings("balanced", 1 / scene.frame_rate)
+    )
+    assert found.name in CLASSES
+    assert found.name != "error", found.reason
+    assert "\n" not in found.reason
+    assert process_time() - start < SLOWEST
+
+
+SLOWEST = 20.0
+"""Processor time of a few frames of at most ten bodies [s]: a thousand times what they take."""
 TRACKER = (
     "time,x,y,z,qw,qx,qy,qz,a,b.angle\n0,0,0,0,1,0,0,0,0,0\n0.5,1,0,0,0,1,0,0,0.5,-1\n1,2,0,0,1,0,0,0,0,1\n"
 )
@@ -193,23 +319,57 @@ ROBOT = """<robot name="r"><link name="base"><inertial><mass value="2"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
 <collision><geometry><cylinder radius="0.02" length="0.4"/></geometry></collision></link>
 <joint name="j" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
-<limit lower="-1" upper="1" effort="5" velocity="1"/></joint></robot>"""
-NUMBER = re.compile(r'"(-?[0-9.]+)')
+<limit lower="-1" upper="1" effort="5" velocity="1"/></joint>
+<link name="slide"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+<joint name="k" type="prismatic"><parent link="rod"/><child link="slide"/><origin xyz="0 0 0.4"/>
+<axis xyz="0 0 1"/><limit lower="-0.1" upper="0.2" effort="5" velocity="1"/><dynamics damping="0.5"/></joint>
+<link name="wheel"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="l" type="continuous"><parent link="base"/><child link="wheel"/><origin xyz="1 0 0"/>
+<axis xyz="0 1 0"/><mimic joint="j" multiplier="2" offset="0.1"/></joint></robot>"""
+MODEL = """<mujoco model="m"><compiler angle="radian"/><worldbody><geom type="plane" size="1 1 1"/>
+<body name="base" pos="0 0 1"><freejoint name="f"/><geom type="box" size="0.1 0.1 0.1" mass="2"/>
+<body name="arm" pos="0 0 0.2"><joint name="j" type="hinge" axis="0 1 0" range="-1 1" stiffness="3"
+springref="0.1" damping="0.5"/><geom type="capsule" fromto="0 0 0 0 0 0.3" size="0.02" mass="1"/>
+<body name="tip" pos="0 0 0.3"><joint name="k" type="slide" axis="0 0 1" range="-0.1 0.2"/>
+<joint name="l" type="slide" axis="1 0 0"/><geom type="sphere" size="0.03" mass="0.5"/></body></body>
+<body name="leg" pos="0 0.2 0"><joint name="b" type="ball" damping="0.1"/>
+<geom type="cylinder" size="0.02 0.1" mass="1"/></body></body></worldbody>
+<equality><joint joint1="k" joint2="l" polycoef="0 1 0 0 0"/></equality><actuator>
+<position joint="j" kp="10" ctrlrange="-1 1" forcerange="-5 5"/>
+<motor joint="k" gear="2"/></actuator></mujoco>"""
+ROBOTS = {"robot.urdf": ROBOT, "robot.xml": MODEL}
+NUMBER = re.compile(r'["\s](-?[0-9.]+)')
+READERS = (
+    ("check-robot", "{}"),
+    ("import", "{}", "--as", "robot", "--force"),
+    ("import", "{}", "--as", "robot", "--force", "--free", "--hold"),
+)
 
 
 @QUICK
 @pytest.mark.skipif(not installed("mujoco"), reason="the importer needs MuJoCo")
-@given(place=st.integers(0, 40), value=NUMBERS, changes=SCRAMBLED, scrambled=st.booleans())
-def test_a_changed_robot_is_refused_or_checked(here, capsys, place, value, changes, scrambled):
-    """Numbers and bytes of a URDF may be any other: it is checked, or refused by name."""
-    found = list(NUMBER.finditer(ROBOT))
+@given(
+    name=st.sampled_from(sorted(ROBOTS)),
+    reader=st.sampled_from(READERS),
+    place=st.integers(0, 200),
+    value=NUMBERS,
+    changes=SCRAMBLED,
+    scrambled=st.booleans(),
+)
+def test_a_changed_robot_is_refused_or_read(here, capsys, name, reader, place, value, changes, scrambled):
+    """Numbers and bytes of a URDF or MJCF may be any other: it is checked or imported, or refused by name."""
+    found = list(NUMBER.finditer(ROBOTS[name]))
     one = found[place % len(found)]
-    text = ROBOT[: one.start(1)] + str(value).replace('"', "") + ROBOT[one.end(1) :]
+    text = ROBOTS[name][: one.start(1)] + str(value).replace('"', "") + ROBOTS[name][one.end(1) :]
     content = text.encode("utf-8", "replace")
-    (here / "robot.urdf").write_bytes(damaged(content, changes, 0) if scrambled else content)
-    code, reported = ends(capsys, "check-robot", "robot.urdf")
+    (here / name).write_bytes(damaged(content, changes, 0) if scrambled else content)
+    code, reported = ends(capsys, *(word.format(name) for word in reader))
     assert code in (0, 1, 2), reported
     assert "Traceback" not in reported
+    assert code != 2 or f"touchstone: {name}" in reported, reported
 
 
 @FUZZ
@@ -240,6 +400,34 @@ ARGUMENTS = st.sampled_from(
         ("soak", "--minutes", "{}"),
         ("soak", "--profile", "{}"),
         ("bench", "{}"),
+        ("study", "robustness", "--kind", "{}"),
+        ("study", "convergence", "--engine", "{}"),
+        ("study", "effects", "{}"),
+        ("study", "knobs", "--engine", "{}"),
+        ("study", "narrow-phase", "--pairs", "{}"),
+        ("study", "{}"),
+        ("import", "{}", "--as", "robot"),
+        ("import", "--check", "{}"),
+        ("check-robot", "{}"),
+        ("check-engine", "{}"),
+        ("export", "{}", "--format", "glb"),
+        ("export", "fall", "--format", "{}"),
+        ("view", "{}"),
+        ("judge", "{}"),
+        ("compare", "{}", "{}"),
+        ("tolerances", "{}", "{}"),
+        ("tune", "slide", "--engine", "{}"),
+        ("tune", "slide", "--engine", "reference", "--position", "{}"),
+        ("cheapest", "slide", "--position", "{}"),
+        ("reproduce", "slide", "--engine", "{}"),
+        ("challenge", "{}", "slide"),
+        ("sweep", "slide", "--dt", "{}"),
+        ("nightly", "--engine", "{}"),
+        ("accept", "{}"),
+        ("reality", "{}"),
+        ("versions", "--engine", "{}"),
+        ("env", "add", "{}"),
+        ("docs", "{}"),
         ("{}",),
     ]
 )

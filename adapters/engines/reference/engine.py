@@ -44,7 +44,7 @@ from touchstone.reference_impl.paper import frame as paper_frame
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.body_joints import is_limited
-from touchstone.scenarios.scenario import FRICTION_LAWS, UNMOVED, Scenario
+from touchstone.scenarios.scenario import FRICTION_LAWS, UNMOVED, Scenario, ScenarioError
 
 STAGES = ("drive", "removal", "contact", "rotation")
 """Stages that settings can disable in the compiled step."""
@@ -175,7 +175,12 @@ class _World:
         arranged = scenario.reduced(bodies=tuple(scenario.bodies[k] for k in self._bodies.tolist()))
         # the paper's times, such as that of the attraction, have no unit of the scene's
         self._units = units(scenario) if settings.profile != PAPER else Units()
-        arranged = self._units.of(arranged)
+        try:
+            arranged = self._units.of(arranged)
+        except ScenarioError as error:
+            field, fault = error.faults[0]
+            found = f"in units of {self._units.mass:.3g} kg and {self._units.length:.3g} m"
+            raise Unsupported(f"reference: {found}, {field}: {fault}") from error
         self._world = translate(arranged)
         self._state = self._world.state[0]
         self._contact_words = contact_words(self._world.contacts)

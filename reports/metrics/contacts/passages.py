@@ -308,6 +308,8 @@ def _size(shape: Shape) -> tuple[Array, float, float]:
             core = Box(shape.half_extents) if isinstance(shape, RoundedBox) else Hull(shape.vertices)
             center, outer, inner = _size(core)
             return center, outer + shape.radius, inner + shape.radius
+        case HalfSpace():
+            return np.zeros(3), inf, inf
     raise TypeError(f"no size of {type(shape).__name__}")
 
 

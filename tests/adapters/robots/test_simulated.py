@@ -47,6 +47,10 @@ ARM = """<mujoco><compiler angle="radian"/><worldbody><geom type="plane" size="1
  <joint name="roll" axis="1 0 0"/>
  <body name="pole" pos="0 0 0.05"><geom type="capsule" fromto="0 0 0 0.2 0.1 0.6" size="0.03"/>
   <joint name="tilt" axis="0 1 0" limited="true" range="0.3 0.4"/></body></body></worldbody></mujoco>"""
+TARGET = """<mujoco><worldbody><body name="ball" pos="0.1 -0.1 1"><geom type="sphere" size="0.009"/>
+ <joint name="x" type="slide" axis="1 0 0" limited="true" range="-0.27 0.27" ref="0.1"/>
+ <joint name="y" type="slide" axis="0 1 0" limited="true" range="-0.27 0.27" ref="-0.1"/>
+</body></worldbody></mujoco>"""
 ROBOT = """<robot name="r"><link name="trunk">
   <inertial><mass value="5"/><inertia ixx="0.05" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
   <collision><geometry><box size="0.5 0.3 0.1"/></geometry></collision></link>{legs}</robot>"""
@@ -116,7 +120,11 @@ def test_a_robot_moves_as_its_file_does_in_mujoco(robot, text):
     assert error(1 / 3840, "RK4") < 1e-7
 
 
-@pytest.mark.parametrize("text", [WALKER, ARM, QUADRUPED], ids=["free", "rail", "urdf"])
+@pytest.mark.parametrize(
+    "text",
+    [WALKER, ARM, QUADRUPED, TARGET, QUADRUPED.replace('lower="-1" upper="1"', 'lower="-1e16" upper="1e16"')],
+    ids=["free", "rail", "urdf", "small body that slides far", "limits beyond all turns"],
+)
 @pytest.mark.parametrize("fixed_base", [False, True])
 def test_independent_readers_have_the_same_robot(robot, tmp_path, text, fixed_base):
     """Mass, centre, inertia, axes and limits are the file's; what is written is read again, to the bit."""

@@ -13,6 +13,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.reference_impl.broad_phase.detection import place_pieces
 from touchstone.reference_impl.broad_phase.fat_bounds import inside_fat_bounds, update_fat_bounds
+from touchstone.reference_impl.contact.integrate import none_turns
 from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
 from touchstone.reference_impl.frame import step
 from touchstone.scenarios.catalogue import catalogue
@@ -82,6 +83,22 @@ def test_a_flight_stays_inside_its_fat_bounds(lab: SimpleNamespace):
             place_pieces(arrays.bodies, arrays.pieces, arrays.vertices, SIMULATED)
             assert (arrays.pieces["low"] >= bounds["fat_low"]).all()
             assert (arrays.pieces["high"] <= bounds["fat_high"]).all()
+
+
+@pytest.mark.parametrize(
+    ("spin", "orientation", "kept"),
+    [
+        (0.0, (1.0, 0.0, 0.0, 0.0), True),
+        (5e-324, (1.0, 0.0, 0.0, 0.0), False),
+        (0.0, (0.7071067811865475, 0.7071067811865475, 0.0, 0.0), False),  # normalising it changes a digit
+    ],
+)
+def test_a_flight_without_turns_keeps_orientations_to_the_bit(
+    lab: SimpleNamespace, spin: float, orientation: tuple[float, ...], kept: bool
+):
+    """Fly straight only where a turn by nothing would change nothing."""
+    ball = replace(lab.ball(), orientation=orientation, angular_velocity=(0.0, 0.0, spin))
+    assert none_turns(play(build(lab.scene(lab.ground(), ball)), 0).bodies) == kept
 
 
 def test_bodies_near_others_are_not_isolated(lab: SimpleNamespace):

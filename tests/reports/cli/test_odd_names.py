@@ -51,31 +51,54 @@ def scene(names, fixed="floor [1]"):
     }
 
 
-def test_every_output_has_any_name(here, tmp_path):
-    """Tables, pages, comparisons and exports of a run whose bodies have all odd names at once."""
-    (tmp_path / "odd.json").write_text(json.dumps(scene(NAMES)))
-    engines = [name for name in ("reference", "mujoco", "dart", "bullet") if installed(name)]
+def joined(names):
+    """Document of a scene: a ball joint and a hinge of each name; each ball hangs by both from the world."""
+    document = scene(names)
+    document["bodies"], document["trackers"], document["expectations"] = document["bodies"][:-1], [], []
+    balls = document["bodies"][1:]
+    for body in balls:
+        body["position"][2], body["linear_velocity"] = 2.0, [0, 0, 0]
+    document["body_joints"] = [
+        {"name": name, "type": kind, "parent": "", "child": ball["name"]}
+        | {"anchor": [ball["position"][0], 0, 2.3], "axis": [0, 1, 0]}
+        | ({"lower": -0.5, "upper": 0.5, "stiffness": 1.0} if kind == "hinge" else {})
+        for k, (name, ball) in enumerate(zip(names, balls))
+        for kind in (("hinge", "ball")[k % 2],)
+    ]
+    return document
+
+
+@pytest.mark.parametrize("document", [scene, pytest.param(joined, marks=pytest.mark.slow)])
+def test_every_output_has_any_name(here, tmp_path, document):
+    """Tables, pages, comparisons and exports of a run whose bodies or joints have all odd names at once."""
+    (tmp_path / "odd.json").write_text(json.dumps(document(NAMES)))
+    plays = ("reference", "mujoco", "dart", "bullet") if document is scene else ("reference", "mujoco")
+    engines = [name for name in plays if installed(name)]
     options = [word for name in engines for word in ("--engine", name)]
     code, _, err = here("run", "odd.json", *options, "--profile", "balanced", "--profile", "recommended")
     assert code == 0, err
     assert "could not be written" not in err
     assert "is not written" not in err
     run = next((tmp_path / "runs").iterdir())
-    assert "| restitution floor [1]-a\\|b #1 | 0.5" in (run / "report.md").read_text()
     frame = pd.read_parquet(run / "results.parquet")
-    assert {f"floor [1]-{name} #1" for name in NAMES} <= set(frame.subject)
-    bounces = frame[frame.metric == "restitution.achieved"]
-    assert {("floor [1]", name) for name in NAMES} <= set(zip(bounces.body_a, bounces.body_b))
+    if document is scene:
+        assert "| restitution floor [1]-a\\|b #1 | 0.5" in (run / "report.md").read_text()
+        assert {f"floor [1]-{name} #1" for name in NAMES} <= set(frame.subject)
+        bounces = frame[frame.metric == "restitution.achieved"]
+        assert {("floor [1]", name) for name in NAMES} <= set(zip(bounces.body_a, bounces.body_b))
+    else:
+        assert all(name in here("show", "odd.json")[1] for name in NAMES)
     assert not any(frame[frame.subject.isin(["", *NAMES])].body_a)
     assert "error" not in set(frame.verdict)
     recording = next((run / "recordings").glob("*.npz"))
+    forms = ("mjcf", "urdf", "toml") if document is scene else ("json", "toml")
     for arguments in (
         ("show", "odd.json"),
         ("show", "odd.json", "--effects"),
         ("judge", run),
         ("compare", run, run, "--all"),
         ("view", run, "--no-open"),
-        *(("export", "odd.json", "--format", form, "--out", form) for form in ("mjcf", "urdf", "toml")),
+        *(("export", "odd.json", "--format", form, "--out", form) for form in forms),
         *(("export", recording, "--format", form, "--out", f"r.{form}") for form in ("glb", "csv")),
     ):
         code, _, err = here(*arguments)
