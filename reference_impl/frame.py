@@ -269,8 +269,8 @@ def _simulate(world):
                 sunk += 1
                 state["may_halve"] = 1 if sunk < SINKING_HALVINGS else 0
                 h *= fraction
-            elif fraction < 1 and not early and (state["led"] == 1 or state["unpaid_energy"] > 0):
-                # curved contacts and those of drivers are exact at the end of a substep, not within
+            elif fraction < 1 and not early and (leads_to_end(drivers, state) or state["unpaid_energy"] > 0):
+                # such forces are exact at the end of a substep, not within
                 early = True
                 h *= fraction
             elif state["unpaid_energy"] > 0:
@@ -305,6 +305,15 @@ def _simulate(world):
         place_listed(bodies, pieces, vertices, DRIVEN, state)
         state["unpaid_energy"] = 0.0
         separate_simulated(world, 0)
+
+
+@kernel
+def leads_to_end(drivers, state):
+    """Whether forces of the substep are those of its end: of curved contacts, drivers, or held joints."""
+    found = state["led"] == 1
+    for d in range(state["driven_count"], len(drivers)):
+        found = found or drivers[d]["held"] == 1
+    return found
 
 
 @kernel

@@ -81,6 +81,10 @@ def guard_energy(world, count, parted, first, whole, h):
     if parted:
         join_islands(bodies, drivers, pairs, count, True)
     free = False
+    for d in range(state["driven_count"], len(drivers)):
+        # no row resets a mechanism that limits alone stop
+        for k in range(drivers[d]["joint_count"]):
+            bodies[joints[drivers[d]["first_joint"] + k]["child"]]["guard"]["state"] = GUARD_UNVISITED
     for k in range(count):
         _reset(bodies, joints, drivers, pairs[k])
     for k in range(count):
