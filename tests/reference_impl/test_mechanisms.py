@@ -384,8 +384,8 @@ def test_a_seesaw_with_equal_weights_stays_level_and_tips_under_one() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "seed"),
-    [("mechanism", seed) for seed in (1, 29, 61, 89, *range(900, 906))]
-    + [("servo", seed) for seed in (35, 49, 97, 138, *range(900, 906))],
+    [("mechanism", seed) for seed in (1, 29, 61, 89, *range(900, 905))]
+    + [("servo", seed) for seed in (35, 49, 138, *range(900, 905))],
 )
 def test_a_random_mechanism_keeps_what_free_bodies_keep(kind: str, seed: int) -> None:
     """It gains no energy, overlaps nothing, leaves no residual, and stays joined; 29 and 61 hit limits at

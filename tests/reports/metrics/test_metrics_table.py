@@ -21,7 +21,8 @@ OF_PROBES = (
 """Metrics that need a closed form or a tag that scenes of the gallery do not have."""
 ELSEWHERE = (
     *("events.meet", "events.part", "friction.coast"),
-    *("joint.cone", "joint.stop", "joint.drift", "joint.turn", "posture.deviation", "posture.over_best"),
+    *("joint.cone", "joint.stop", "joint.drift", "joint.turn", "joint.force"),
+    *("posture.deviation", "posture.over_best"),
     *("impact.law", "published.error"),
 )
 """Metrics of other scenes than `ball_snip`."""
