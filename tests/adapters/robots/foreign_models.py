@@ -57,6 +57,7 @@ ROBOT_DATA = (
     "so_arm_description/urdf/so100.urdf",
     "solo_description/robots/solo.urdf",
     "borinot_description/urdf/borinot_flying_arm_2.urdf",
+    "iris_description/robots/iris.urdf",
     "allegro_hand_description/urdf/allegro_right_hand.urdf",  # refused: an inertia that no body has
     "romeo_description/urdf/romeo.urdf",  # refused: fingers without mass
 )
