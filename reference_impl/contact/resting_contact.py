@@ -76,6 +76,8 @@ GRIP_SHARE = 1e-9
 """The same where static friction ends in a jump of the force [1]: the error of a speed is proportional."""
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
+GAP_ERROR = END_ERROR / 10
+"""Error of a gap that the law of positions leaves [m]: bodies that stick in several places may not mend it."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
 FOLLOWED = 1e-6
@@ -112,13 +114,13 @@ def solve_resting_contacts(world, count, time, h):
             h = _end_at_onset(world, count, h)
         if carried:
             _turn_friction(world, count, h)
-        _solve_positions(world, count, h)
+        _solve_positions(world, count, h, False)
         if len(drivers) > 0:
             while _find_limits(world, h):
                 begin_again(bodies, joints, drivers)
                 restore_normals(pairs, count)
                 h = _solve_velocities(world, count, h)
-                _solve_positions(world, count, h)
+                _solve_positions(world, count, h, False)
         if _correct_ends(world, count, h):
             break
         # a wedge may have no solution in which contacts close exactly: leave them as predicted
@@ -166,7 +168,7 @@ def _correct_ends(world, count, h):
         if (error <= END_ERROR and followed) or last:
             break
         _correct_velocities(world, count, h)
-        _solve_positions(world, count, h)
+        _solve_positions(world, count, h, True)
         if state["counters"][COUNT_UNCONVERGED] > unconverged:
             return False
         if state["curved"] == 0 and moved <= LARGEST_ERROR:
@@ -463,10 +465,13 @@ def _accept_pushes(world, h):
 
 
 @kernel
-def _solve_positions(world, count, h):
+def _solve_positions(world, count, h, again):
     """Solve the law of positions for the islands of drivers in the loop: what touches stays in touch until
     the end of the substep, and closes its gap to GAP_LEFT, and hinges end within their limits. The result
-    sets the paths of their bodies, not their velocities."""
+    sets the paths of their bodies, not their velocities.
+
+    It starts from the impulses of the law of velocities or, if `again`, from those that it found before.
+    """
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
     asked = state["led"] == 1
@@ -483,13 +488,17 @@ def _solve_positions(world, count, h):
         begin_again(bodies, joints, drivers)
         apply_forces(bodies, joints, drivers, 1.0, h, state)
         for k in range(count):
+            if again:
+                _exchange_impulses(pairs[k])
+            else:
+                copy_vector(pairs[k]["resting_impulse"], pairs[k]["spare"])
+                copy_vector(pairs[k]["moment"], pairs[k]["spare_moment"])
             _ask_positions(bodies, pairs[k], h, state["dt"])
         state["lead"] = 1.0
         solve_contacts(bodies, joints, drivers, pairs, count, True, state)
         state["lead"] = 0.0
         for k in range(count):
-            copy_vector(pairs[k]["spare"], pairs[k]["resting_impulse"])
-            copy_vector(pairs[k]["spare_moment"], pairs[k]["moment"])
+            _exchange_impulses(pairs[k])
             pairs[k]["floor"] = pairs[k]["held_floor"]
         # of all rows again: the islands of the law of positions are without the others
         join_islands(bodies, drivers, pairs, count, False)
@@ -535,11 +544,18 @@ def _mark_led(bodies, drivers, pairs, count):
 
 
 @kernel
+def _exchange_impulses(pair):
+    """Exchange the impulses of a row in the law of velocities with those in the law of positions."""
+    p, q, m, n = pair["resting_impulse"], pair["spare"], pair["moment"], pair["spare_moment"]
+    for i in range(3):
+        p[i], q[i] = q[i], p[i]
+        m[i], n[i] = n[i], m[i]
+
+
+@kernel
 def _ask_positions(bodies, pair, h, dt):
     """Set the floor of a row in the law of positions: twice the speed at which its gap may close to
     `gap_aimed`."""
-    copy_vector(pair["resting_impulse"], pair["spare"])
-    copy_vector(pair["moment"], pair["spare_moment"])
     pair["held_floor"] = pair["floor"]
     if bodies[pair["body_a"]]["led"] == 0 and bodies[pair["body_b"]]["led"] == 0:
         pair["floor"] = NO_FLOOR
@@ -548,4 +564,5 @@ def _ask_positions(bodies, pair, h, dt):
         a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
         for i in range(3):
             gap += n[i] * (b["curve"][i] - a["curve"][i])
-        pair["floor"] = -2 * (gap - gap_aimed(pair, h, dt)) / h
+        gap -= gap_aimed(pair, h, dt)
+        pair["floor"] = -2 * (gap - min(max(gap, -GAP_ERROR), GAP_ERROR)) / h

@@ -30,6 +30,7 @@ from touchstone.reference_impl.continuous.hinge_motion import (
     begin_hinges,
     clear_twists,
     drop_limits,
+    exchange_limits,
     exchange_rates,
     find_limits,
     hinge_response,
@@ -258,6 +259,7 @@ def _cover_way(joints, driver, twice, h):
 @kernel
 def exchange_pushes(joints, driver):
     """Exchange the impulses of the law of velocities with those of the law of positions."""
+    exchange_limits(joints, driver)
     if driver["mechanism"] == 1:
         exchange_gains(driver)
         return

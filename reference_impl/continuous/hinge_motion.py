@@ -15,6 +15,8 @@ from touchstone.reference_impl.core.kernel import kernel
 
 LIMIT_ROUNDING = 1e-9
 """Angle beyond a limit that is none [rad]: 1e-9 m."""
+LIMIT_ERROR = LIMIT_ROUNDING / 10
+"""Angle to a limit that the law of positions does not correct [rad]."""
 
 
 @kernel
@@ -125,9 +127,11 @@ def find_limits(joints, driver):
         if joint["coordinate"] < 0 or joint["limited"] != 0:
             continue
         if joint["angle"] < joint["lower"] - LIMIT_ROUNDING:
-            joint["limited"], joint["limit_impulse"], found = 1, 0.0, True
+            joint["limited"], found = 1, True
         elif joint["angle"] > joint["upper"] + LIMIT_ROUNDING:
-            joint["limited"], joint["limit_impulse"], found = -1, 0.0, True
+            joint["limited"], found = -1, True
+        if joint["limited"] != 0:
+            joint["limit_impulse"] = joint["shift_limit_impulse"] = 0.0
     return found
 
 
@@ -166,8 +170,17 @@ def ask_limits(joints, driver, lead, h):
         joint = joints[k]
         if joint["limited"] != 0:
             gap = limit_gap(joint)
-            joint["limit_floor"] = -2 * gap / h if lead == 1 else -max(gap, 0.0) / h
+            beyond = gap - min(max(gap, -LIMIT_ERROR), LIMIT_ERROR)
+            joint["limit_floor"] = -2 * beyond / h if lead == 1 else -max(gap, 0.0) / h
             joint["limit_free"] = joint["limited"] * (joint["rate"] + joint["lead_rate"])
+
+
+@kernel
+def exchange_limits(joints, driver):
+    """Exchange the impulses of limits in the law of velocities with those in the law of positions."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        impulse = joints[k]["limit_impulse"]
+        joints[k]["limit_impulse"], joints[k]["shift_limit_impulse"] = joints[k]["shift_limit_impulse"], impulse
 
 
 @kernel

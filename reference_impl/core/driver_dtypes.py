@@ -54,6 +54,7 @@ JOINT = record(
     limit_floor="f8",  # least rate away from that limit, as the solver asks it [rad/s]
     limit_free="f8",  # that rate without impulses
     limit_impulse="f8",  # [N m s]
+    shift_limit_impulse="f8",  # of the law of positions [N m s]
     # what it moves, about the centre of mass of its driver: mass, first moment, inertia, and the momentum of
     # all that per rate
     moved_mass="f8",

@@ -47,7 +47,6 @@ from touchstone.reference_impl.solver.moment_rows import (
 )
 from touchstone.reference_impl.solver.tolerances import (
     NEWTON_ALLOWANCE,
-    NEWTON_FACTORS,
     NEWTON_INNER,
     NEWTON_MOST,
     RESIDUAL_ACCEPTED,
@@ -74,13 +73,14 @@ LINE_SHARE, LINE_HALVES = 0.1, 10
 
 
 @kernel
-def newton(solver, evenly, patient, state):
+def newton(solver, evenly, patient, most, state):
     """Improve an island's impulses until they reach the solver's target or stall; stores them by `keep_best`.
 
     Args:
         evenly: all rows are as stiff as the stiffest. By their own mobility, the rows of a light body are too
             soft for the load of a heavy one that it carries.
         patient: go on, with softer contacts, where an inner solve fails; otherwise, return there.
+        most: largest number of factorisations.
     """
     if not lay_out(solver):
         return
@@ -92,7 +92,7 @@ def newton(solver, evenly, patient, state):
         heaviest = max(heaviest, rows[k]["mass"])
     compliance = min(COMPLIANCE_FIRST, sqrt(last))
     allowance = max(state["newton_work"], NEWTON_ALLOWANCE if state["newton_work"] > -NEWTON_MOST else 0.0)
-    left = min(NEWTON_FACTORS, int(allowance / work))
+    left = min(most, int(allowance / work))
     while left > 0:
         even_out(solver)
         for k in range(count):
@@ -128,6 +128,8 @@ def newton(solver, evenly, patient, state):
                 return
             least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
             compliance = max(least, compliance * COMPLIANCE_FALL)
+        else:
+            compliance = max(COMPLIANCE_LAST, compliance * COMPLIANCE_FALL)
         last = residual
 
 
@@ -206,9 +208,11 @@ def _solve_soft(solver, tolerance):
             if changed <= (1 - LINE_SHARE * fraction) * size:
                 break
             fraction /= 2
-        size = changed
-        if _advance(solver, fraction) <= tolerance:
+        moved = _advance(solver, fraction)
+        # what the step leaves asks for one that is as much shorter as g has become
+        if min(moved, moved * sqrt(changed / size) if size > 0 else 0.0) <= tolerance:
             return used, True
+        size = changed
     return NEWTON_INNER, False
 
 

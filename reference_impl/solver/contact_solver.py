@@ -66,6 +66,7 @@ from touchstone.reference_impl.solver.islands import (
 from touchstone.reference_impl.solver.mobility import relative_turn, surface_velocities
 from touchstone.reference_impl.solver.moment_rows import into_bounds, solve_moment
 from touchstone.reference_impl.solver.tolerances import (
+    NEWTON_FACTORS,
     RESIDUAL_ACCEPTED,
     RESIDUAL_DENSE,
     RESIDUAL_OPEN,
@@ -86,6 +87,8 @@ INTERIOR_FROM, INTERIOR_ROWS = 1e-5, 16
 """Residual after the first sweeps above which the interior-point method precedes Newton's method [m/s], and
 rows from which it does: Newton's method alone solves most smaller islands in as few factorisations, and keeps
 the solution of the substep before where Coulomb's law has several."""
+PARTING_FACTORS = 30
+"""Most factorisations of an island that the law of positions asks to part, before it asks less."""
 EVEN_SWEEPS = 16
 """Most sweeps without friction before the first solve of an island with a mechanism."""
 
@@ -252,7 +255,7 @@ def solve_loaded(solver, state):
     if solver["target"] == RESIDUAL_TARGET:
         state["missed"] |= residual > RESIDUAL_TARGET
         # impulses that stop a drift push back by as much in the next frame: solve that one more exactly
-        if state["missed_before"] == 1:
+        if state["missed_before"] == 1 and solver["led"] == 0:
             least = max(STEADY_SHARE * RESIDUAL_TARGET, STEADY_ROUNDINGS * _rounding(solver))
             solver["target"] = min(RESIDUAL_TARGET, least)
     if not residual <= solver["target"]:
@@ -320,12 +323,15 @@ def _iterate(solver, state):
         dense = not small and state["dense_substep"] == 1 and lay_out(solver)
         if not dense and _sweep(solver, state, FIRST_SWEEPS):
             return
+        # where bodies are jammed, the law of positions does not insist that contacts part
+        parts = state["lead"] == 1 and _rebounds(solver)
+        most = PARTING_FACTORS if parts else NEWTON_FACTORS
         close = small or (not dense and solver["best_residual"] <= INTERIOR_FROM)
         # where bodies have no room to separate, the interior-point method ends far from a solution
         if close or state["separates"] == 1:
-            newton(solver, False, small, state)
+            newton(solver, False, small, most, state)
             take_best(solver)
-            if solver["best_residual"] <= _accepted(solver):
+            if solver["best_residual"] <= _accepted(solver) or parts:
                 return
         # from the present impulses; from none; and with all contacts as stiff as the stiffest
         for attempt in range(0 if dense else 1, 3):
@@ -337,9 +343,9 @@ def _iterate(solver, state):
                 if solver["best_residual"] <= solver["target"]:
                     return
             take_best(solver)
-            newton(solver, attempt == 2, attempt > 0, state)
+            newton(solver, attempt == 2, attempt > 0, most, state)
             take_best(solver)
-            if solver["best_residual"] <= _accepted(solver):
+            if solver["best_residual"] <= _accepted(solver) or parts:
                 return
     # few sweeps where the rebound may be what leaves no solution
     if state["dense_substep"] == 1 or _rebounds(solver):

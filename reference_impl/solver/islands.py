@@ -424,7 +424,10 @@ def store_island(bodies, joints, drivers, pairs, state):
         if row["pair"] >= 0:
             copy_vector(row["impulse"], pairs[row["pair"]]["resting_impulse"])
         else:
-            joints[-2 - row["pair"]]["limit_impulse"] = row["impulse"][0]
+            joint = joints[-2 - row["pair"]]
+            # one at an instant tells nothing of those that last
+            if drivers[bodies[joint["child"]]["driver"]]["lasting"] == 1:
+                joint["limit_impulse"] = row["impulse"][0]
     for k in range(solver["moment_count"]):
         moment = solver["moments"][k]
         for i in range(3):

@@ -11,7 +11,7 @@ from touchstone.reference_impl.solver.contact_interior import INTERIOR_STEPS, IN
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import residual_of, take_best
 from touchstone.reference_impl.solver.contact_solver import FIRST_SWEEPS, _sweep
-from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED, RESIDUAL_DENSE
+from touchstone.reference_impl.solver.tolerances import NEWTON_FACTORS, RESIDUAL_ACCEPTED, RESIDUAL_DENSE
 
 CONVEX = ("heap_d", "wedge")
 """Islands in which the method reaches its target without Newton's."""
@@ -24,7 +24,7 @@ def test_newton_finishes_what_it_could_not_begin(name: str) -> None:
     solver = state[0]["solver"]
     interior(solver, True, state[0])
     take_best(solver)
-    newton(solver, False, True, state[0])
+    newton(solver, False, True, NEWTON_FACTORS, state[0])
     take_best(solver)
     residual, _ = residual_of(solver)
     assert residual <= RESIDUAL_ACCEPTED

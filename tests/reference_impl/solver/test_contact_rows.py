@@ -16,6 +16,7 @@ from touchstone.reference_impl.solver.contact_rows import (
     residual_of,
     solve_row,
 )
+from touchstone.reference_impl.solver.tolerances import NEWTON_FACTORS
 
 
 def symmetric(rng: np.random.Generator, scale: float) -> np.ndarray:
@@ -139,7 +140,7 @@ def test_newton_solves_chains(seed: int, friction: float, evenly: bool) -> None:
     residual, _ = residual_of(solver)
     keep_best(solver, residual)
     state[0]["newton_work"] = 1e7
-    newton(solver, evenly, True, state[0])
+    newton(solver, evenly, True, NEWTON_FACTORS, state[0])
     assert solver["best_residual"] <= 1e-9
 
 
