@@ -83,8 +83,8 @@ from touchstone.reference_impl.solver.tolerances import NEWTON_WORK
 DENSE_CALM = 4
 """Events of a crowded frame from which the next one is crowded from its start."""
 UNPAID_ATTEMPTS, UNPAID_SHARE, UNPAID_FALL = 4, 0.25, 0.5
-"""Most repetitions of a substep that adds energy that no motion pays, the share of its length that each takes,
-and the share of that energy above which its length is not the cause [1]."""
+"""Most repetitions of a substep that adds energy that no motion pays, the share of its length that each
+takes, and the share of that energy above which its length is not the cause [1]."""
 SINKING_HALVINGS = 2
 """Most halvings of a substep for a contact that agrees at its end alone, and sinks there."""
 WAY_ERROR = 1e-7

@@ -77,7 +77,7 @@ GRIP_SHARE = 1e-9
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
 GAP_ERROR = END_ERROR / 10
-"""Error of a gap that the law of positions leaves [m]: bodies that stick in several places may not mend it."""
+"""Error of a gap that the law of positions leaves [m]: what sticks in several places may not mend it."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
 FOLLOWED = 1e-6

@@ -16,7 +16,7 @@ from touchstone.reference_impl.core.kernel import kernel
 LIMIT_ROUNDING = 1e-9
 """Angle beyond a limit that is none [rad]: 1e-9 m."""
 LIMIT_ERROR = LIMIT_ROUNDING / 10
-"""Angle to a limit that the law of positions does not correct [rad]."""
+"""Angle to a limit that counts as none, so that what rests at it has no rate [rad]."""
 
 
 @kernel
@@ -171,7 +171,7 @@ def ask_limits(joints, driver, lead, h):
         if joint["limited"] != 0:
             gap = limit_gap(joint)
             beyond = gap - min(max(gap, -LIMIT_ERROR), LIMIT_ERROR)
-            joint["limit_floor"] = -2 * beyond / h if lead == 1 else -max(gap, 0.0) / h
+            joint["limit_floor"] = -2 * beyond / h if lead == 1 else -max(beyond, 0.0) / h
             joint["limit_free"] = joint["limited"] * (joint["rate"] + joint["lead_rate"])
 
 
@@ -179,8 +179,11 @@ def ask_limits(joints, driver, lead, h):
 def exchange_limits(joints, driver):
     """Exchange the impulses of limits in the law of velocities with those in the law of positions."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        impulse = joints[k]["limit_impulse"]
-        joints[k]["limit_impulse"], joints[k]["shift_limit_impulse"] = joints[k]["shift_limit_impulse"], impulse
+        joint = joints[k]
+        joint["limit_impulse"], joint["shift_limit_impulse"] = (
+            joint["shift_limit_impulse"],
+            joint["limit_impulse"],
+        )
 
 
 @kernel
