@@ -76,7 +76,7 @@ GRIP_SHARE = 1e-9
 """The same where static friction ends in a jump of the force [1]: the error of a speed is proportional."""
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
-GAP_ERROR = END_ERROR / 10
+GAP_ERROR = END_ERROR / 100
 """Error of a gap that the law of positions leaves [m]: what sticks in several places may not mend it."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
