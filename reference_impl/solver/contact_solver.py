@@ -147,7 +147,7 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
     solve_loaded(solver, state)
     # an island too large for Newton's method may have a solution that sweeps do not reach
     fits = solver["work"] >= 0
-    if fits and solver["best_residual"] > _accepted(solver) and _rebounds(solver):
+    if fits and not _is_accepted(solver) and _rebounds(solver):
         state["counters"][COUNT_GUARDED] += 1
         _stop_rebound(solver)
         solve_loaded(solver, state)
@@ -198,6 +198,12 @@ def _return_to_start(solver):
 def _accepted(solver):
     """Residual at which a solve counts as converged [m/s]."""
     return max(RESIDUAL_ACCEPTED, solver["target"])
+
+
+@inlined_kernel
+def _is_accepted(solver):
+    """Whether the best impulses have converged."""
+    return solver["best_residual"] <= _accepted(solver)
 
 
 @kernel
@@ -318,11 +324,11 @@ def _rounding(solver):
 def _iterate(solver, state):
     """Run sweeps, the interior-point method, Newton's method and more sweeps until one of them converges."""
     rows = solver["row_count"]
-    if rows + solver["moment_count"] > 1:
-        small = rows < INTERIOR_ROWS
-        dense = not small and state["dense_substep"] == 1 and lay_out(solver)
-        if not dense and _sweep(solver, state, FIRST_SWEEPS):
-            return
+    small, alone = rows < INTERIOR_ROWS, rows + solver["moment_count"] == 1
+    dense = not small and state["dense_substep"] == 1 and lay_out(solver)
+    if not dense and (_sweep(solver, state, FIRST_SWEEPS) or (alone and _is_accepted(solver))):
+        return
+    if not alone:
         # where bodies are jammed, the law of positions does not insist that contacts part
         parts = state["lead"] == 1 and _rebounds(solver)
         most = PARTING_FACTORS if parts else NEWTON_FACTORS
@@ -331,7 +337,7 @@ def _iterate(solver, state):
         if close or state["separates"] == 1:
             newton(solver, False, small, most, state)
             take_best(solver)
-            if solver["best_residual"] <= _accepted(solver) or parts:
+            if _is_accepted(solver) or parts:
                 return
         # from the present impulses; from none; and with all contacts as stiff as the stiffest
         for attempt in range(0 if dense else 1, 3):
@@ -345,7 +351,7 @@ def _iterate(solver, state):
             take_best(solver)
             newton(solver, attempt == 2, attempt > 0, most, state)
             take_best(solver)
-            if solver["best_residual"] <= _accepted(solver) or parts:
+            if _is_accepted(solver) or parts:
                 return
     # few sweeps where the rebound may be what leaves no solution
     if state["dense_substep"] == 1 or _rebounds(solver):
