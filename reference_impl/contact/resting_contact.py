@@ -76,8 +76,9 @@ GRIP_SHARE = 1e-9
 """The same where static friction ends in a jump of the force [1]: the error of a speed is proportional."""
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
-GAP_ERROR = END_ERROR / 100
-"""Error of a gap that the law of positions leaves [m]: what sticks in several places may not mend it."""
+GAP_ERROR = END_ERROR / 10
+"""Error of a mechanism's gap that the law of positions leaves [m]: one that sticks in several places, or at
+its limits, may not mend it."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
 FOLLOWED = 1e-6
@@ -493,7 +494,7 @@ def _solve_positions(world, count, h, again):
             else:
                 copy_vector(pairs[k]["resting_impulse"], pairs[k]["spare"])
                 copy_vector(pairs[k]["moment"], pairs[k]["spare_moment"])
-            _ask_positions(bodies, pairs[k], h, state["dt"])
+            _ask_positions(bodies, drivers, pairs[k], h, state["dt"])
         state["lead"] = 1.0
         solve_contacts(bodies, joints, drivers, pairs, count, True, state)
         state["lead"] = 0.0
@@ -553,7 +554,7 @@ def _exchange_impulses(pair):
 
 
 @kernel
-def _ask_positions(bodies, pair, h, dt):
+def _ask_positions(bodies, drivers, pair, h, dt):
     """Set the floor of a row in the law of positions: twice the speed at which its gap may close to
     `gap_aimed`."""
     pair["held_floor"] = pair["floor"]
@@ -565,4 +566,6 @@ def _ask_positions(bodies, pair, h, dt):
         for i in range(3):
             gap += n[i] * (b["curve"][i] - a["curve"][i])
         gap -= gap_aimed(pair, h, dt)
-        pair["floor"] = -2 * (gap - min(max(gap, -GAP_ERROR), GAP_ERROR)) / h
+        if is_joined(bodies, drivers, pair["body_a"]) or is_joined(bodies, drivers, pair["body_b"]):
+            gap -= min(max(gap, -GAP_ERROR), GAP_ERROR)
+        pair["floor"] = -2 * gap / h
