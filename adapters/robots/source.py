@@ -6,7 +6,6 @@ import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
@@ -15,8 +14,9 @@ from typing import Any
 import mujoco
 
 from touchstone.adapters.engines.mujoco.model import hear_warnings
+from touchstone.adapters.robots.fused_inertia import fuse_inertia, links_and_joints
 from touchstone.adapters.robots.robot_error import RobotError
-from touchstone.adapters.robots.xml_source import Element, found_file, parsed
+from touchstone.adapters.robots.xml_source import Element, found_file, number, parsed
 
 COLLADA = ".dae"
 MESH_SUFFIXES = (".stl", ".obj", ".msh", COLLADA)
@@ -26,11 +26,10 @@ REFUSED_JOINTS = {
     "planar": "three degrees of freedom in a plane cannot be kept",
 }
 REFUSED_MJCF = {
-    "tendon": "tendons couple joints, which hinges alone cannot",
+    "spatial": "a tendon that spans bodies cannot be kept",
     "flex": "deformable bodies cannot be kept",
     "flexcomp": "deformable bodies cannot be kept",
     "composite": "composite bodies cannot be kept",
-    "skin": "skins cannot be kept",
     "plugin": "plug-ins are not loaded",
     "replicate": "replicated bodies cannot be named",
 }
@@ -103,6 +102,7 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
     faults += _massless(root)
     if faults:
         raise RobotError("\n".join(faults))
+    fuse_inertia(root)
 
     def load() -> Any:
         spec = mujoco.MjSpec.from_string(root.text())
@@ -128,14 +128,6 @@ def _converted(mesh: Element, file: Path, scratch: Path) -> Path:
     return target
 
 
-def number(element: Element, name: str) -> float:
-    """A number of an attribute; 0 where it is absent, NaN where MuJoCo will refuse it."""
-    try:
-        return float(element.attributes.get(name, "0"))
-    except ValueError:
-        return nan
-
-
 def _has_inertia(link: Element) -> bool:
     """Whether a link has a mass and moments, or what MuJoCo will refuse as numbers."""
     found = {one.tag: one for one in link.walk()}
@@ -147,20 +139,12 @@ def _has_inertia(link: Element) -> bool:
 
 def _massless(root: Element) -> list[str]:
     """Links that a joint moves although neither they nor what is fixed to them have mass and inertia."""
-    links = {one.attributes.get("name"): one for one in root.children if one.tag == "link"}
-    joints = [one for one in root.children if one.tag == "joint"]
-    ends = {
-        id(joint): [
-            next((end.attributes.get("link") for end in joint.children if end.tag == tag), None)
-            for tag in ("parent", "child")
-        ]
-        for joint in joints
-    }
-    fixed = [ends[id(joint)] for joint in joints if joint.attributes.get("type") == "fixed"]
+    links, joints = links_and_joints(root)
+    fixed = [ends for joint, *ends in joints if joint.attributes.get("type") == "fixed"]
     heavy = {name for name, link in links.items() if _has_inertia(link)}
     for _ in fixed:  # one more level at a time
         heavy |= {parent for parent, child in fixed if child in heavy}
-    moved = [(joint, ends[id(joint)][1]) for joint in joints if joint.attributes.get("type") != "fixed"]
+    moved = [(joint, child) for joint, _, child in joints if joint.attributes.get("type") != "fixed"]
     return [
         links[child].named(
             f"joint {joint.attributes.get('name')!r} moves it, but it has no mass or no inertia"
@@ -188,9 +172,8 @@ def _check_mjcf(
         folders |= {key: value for key, value in compiler.attributes.items() if key.endswith("dir")}
     for element in list(root.walk()):
         inner = [one for one in element.children if one.tag not in ("default",)]
-        if element.tag in REFUSED_MJCF and (element.tag != "tendon" or inner):
-            target = inner[0] if element.tag == "tendon" else element
-            faults.append(target.named(REFUSED_MJCF[element.tag]))
+        if element.tag in REFUSED_MJCF:
+            faults.append(element.named(REFUSED_MJCF[element.tag]))
         elif element.tag == "equality":
             loops = (one for one in inner if one.tag in LOOPS)
             faults += [one.named("a closed loop cannot be kept") for one in loops]

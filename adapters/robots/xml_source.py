@@ -10,6 +10,7 @@ import re
 import xml.parsers.expat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import nan
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
@@ -63,6 +64,14 @@ class Element:
             line = child._write(parts, line)
         parts.append(f"</{escape(self.tag)}>")
         return line
+
+
+def number(element: Element, name: str) -> float:
+    """A number of an attribute; 0 where it is absent, NaN where MuJoCo will refuse it."""
+    try:
+        return float(element.attributes.get(name, "0"))
+    except ValueError:
+        return nan
 
 
 def parsed(path: Path) -> Element:

@@ -23,7 +23,7 @@ PYBULLET = (
 )
 GYMNASIUM = (
     *("ant.xml", "half_cheetah.xml", "walker2d.xml", "hopper.xml", "pusher.xml"),
-    "humanoid.xml",  # refused: tendons
+    "humanoid.xml",
 )
 DM_CONTROL = (
     *(
@@ -35,7 +35,7 @@ DM_CONTROL = (
         "cheetah.xml",
         "hopper.xml",
     ),
-    "quadruped.xml",  # refused: tendons
+    "quadruped.xml",
 )
 ROBOT_DATA = (
     "panda_description/urdf/panda.urdf",

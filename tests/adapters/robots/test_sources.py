@@ -7,6 +7,7 @@ import pytest
 
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.robot_scene import imported
+from touchstone.reports.studies.robots import checked
 
 MOMENTS = 'ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"'
 INERTIAL = f'<inertial><mass value="1"/><inertia {MOMENTS}/></inertial>'
@@ -55,6 +56,28 @@ def test_a_shape_without_inertial_has_no_mass(load):
     text = robot(link("a"), link("b", ""), link("c"), joint("j", "a", "b"), joint("f", "b", "c", "fixed"))
     masses = {one.name: one.mass for one in load(text).scenario.bodies if one.kind == "driven"}
     assert masses == {"a": 1.0, "b": 1.0}
+
+
+def test_an_inertia_of_no_body_counts_in_what_it_is_fixed_to(load, tmp_path):
+    """A sensor that turns about one axis alone, on a turned mount: their sum is what pinocchio has."""
+    bent = INERTIAL.replace('ixx="0.01"', 'ixx="0.1"')
+    fixed = joint("f", "a", "s", "fixed").replace('xyz="0 0 0.5"', 'xyz="0.1 0.2 0.3" rpy="0.3 -0.2 0.5"')
+    sensor = link("s", bent.replace("<mass", '<origin xyz="0 0.1 0" rpy="0.4 0 1"/><mass'))
+    text = robot(link("a"), sensor, link("b"), fixed, joint("j", "a", "b"))
+    found = load(text)
+    assert max(checked(tmp_path / "robot.urdf", found, False).values()) < 1e-12
+    alone = robot(link("a"), link("s", bent), joint("j", "a", "s"))
+    with pytest.raises(RobotError, match=r"robot\.urdf:3: link 's': a moment of inertia exceeds the sum"):
+        load(alone)
+
+
+def test_tendons_of_joints_and_skins_are_noted(load):
+    """A tendon that couples joints does less than the joints: it is left out as other couplings are."""
+    text = """<mujoco><worldbody><body name="a"><geom size="0.1"/><body name="b"><joint name="j"/>
+<geom size="0.1"/></body></body></worldbody>
+<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>
+</mujoco>"""
+    assert "left out: 1 tendons that couple joints" in load(text, "robot.xml").notes
 
 
 @pytest.mark.parametrize(
