@@ -12,15 +12,16 @@ from types import MappingProxyType
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from touchstone.adapters.engines.mujoco.model import hear_warnings
 from touchstone.adapters.robots.fused_inertia import fuse_inertia, links_and_joints
 from touchstone.adapters.robots.robot_error import RobotError
-from touchstone.adapters.robots.xml_source import Element, found_file, number, parsed
+from touchstone.adapters.robots.xml_source import Element, found_file, is_text_stl, number, parsed
 
 COLLADA = ".dae"
 MESH_SUFFIXES = (".stl", ".obj", ".msh", COLLADA)
-"""Meshes of URDF: MuJoCo reads all but the last, which is converted."""
+"""Meshes of URDF: MuJoCo reads all but the last and STL as text, which are converted."""
 REFUSED_JOINTS = {
     "floating": "six degrees of freedom cannot be kept; a tracker places the root of a robot",
     "planar": "three degrees of freedom in a plane cannot be kept",
@@ -94,7 +95,7 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
                 raise RobotError(
                     mesh.named(f"{file.name}: found {file.suffix}, expected {', '.join(MESH_SUFFIXES)}")
                 )
-            if file.suffix.lower() == COLLADA:
+            if file.suffix.lower() == COLLADA or is_text_stl(file):
                 file = _converted(mesh, file, scratch)
             mesh.attributes["filename"] = str(file)
         except RobotError as error:
@@ -108,13 +109,15 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
         spec = mujoco.MjSpec.from_string(root.text())
         # a link without <inertial> has no mass, whatever shape it has
         spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+        for mesh in spec.meshes:  # its hull is what collides; an open mesh has no volume of its own
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         return spec
 
     return load
 
 
 def _converted(mesh: Element, file: Path, scratch: Path) -> Path:
-    """A Collada mesh as OBJ in `scratch`, with the same name; raises RobotError if it cannot be read."""
+    """A mesh that MuJoCo does not read, as OBJ in `scratch` with the same name; raises RobotError."""
     from touchstone.adapters.oracles.collada import obj_of
 
     target = scratch / file.relative_to(file.anchor).with_suffix(".obj")
@@ -216,13 +219,12 @@ def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...
             hear_warnings(lambda text: warned.setdefault(" ".join(text.split())))
             spec = load()
             spec.compiler.fusestatic = False
-            return spec.compile(), tuple(warned)
+            model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         text = " ".join(str(error).split()).removeprefix("XML Error: ").removeprefix("Error: ")
         found = re.search(r"Element name '([^']*)'", text)
         line = re.search(r"line (\d+)", text)
-        named = (one for one in root.walk() if found and one.attributes.get("name") == found[1])
-        element = next(named, None)
+        element = _named(root, found[1]) if found else None
         reason = re.sub(r",? ?(Element (name )?'[^']*'(, (id|line) -?\d+)?|line \d+)", "", text).strip()
         reason = next((plain for words, plain in PLAIN_WORDS.items() if words in reason), reason)
         if element is not None:
@@ -231,3 +233,17 @@ def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...
         place = f"{path}:{line[1]}" if line else f"{path}"
         reason = f"{tag[1]}: {reason}" if tag and line else reason
         raise RobotError(f"{place}: {reason}") from error
+    for body in range(model.nbody):
+        own = [getattr(model, f"body_{name}")[body] for name in ("mass", "inertia", "ipos", "pos")]
+        turns = [np.linalg.norm(getattr(model, f"body_{name}")[body]) for name in ("iquat", "quat")]
+        if not (np.isfinite(np.hstack(own)).all() and np.allclose(turns, 1)):
+            name = model.body(body).name
+            reason = "its mass, inertia or pose is not finite"
+            element = _named(root, name)
+            raise RobotError(element.named(reason) if element else f"{path}: body {name!r}: {reason}")
+    return model, tuple(warned)
+
+
+def _named(root: Element, name: str) -> Element | None:
+    """First element of a name."""
+    return next((one for one in root.walk() if one.attributes.get("name") == name), None)

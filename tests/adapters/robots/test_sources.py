@@ -124,6 +124,27 @@ def test_a_mesh_that_was_not_fetched_is_named(load, tmp_path):
         load(MESHED, "robot.xml")
 
 
+def test_a_mesh_as_text_is_read(load, tmp_path):
+    """STL as text, which MuJoCo does not read; the mesh is open, without a volume of its own."""
+    corners = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 0, 0), (0.1, 0, 0), (0, 0, 0.1)]
+    faces = (
+        "facet normal 0 0 1\nouter loop\n"
+        + "".join(f"vertex {x} {y} {z}\n" for x, y, z in three)
+        + "endloop\nendfacet\n"
+        for three in corners
+    )
+    (tmp_path / "tip.stl").write_text(f"solid tip\n{''.join(faces)}endsolid tip\n")
+    meshed = link("a").replace('<box size="0.1 0.1 0.1"/>', '<mesh filename="tip.stl"/>')
+    (piece,) = next(one for one in load(robot(meshed)).scenario.bodies if one.name == "a").pieces
+    assert len(piece.shape.vertices) == 4
+
+
+def test_a_number_that_is_not_finite_is_named(load):
+    """In a URDF, with its link and line."""
+    with pytest.raises(RobotError, match=r"robot\.urdf:2: link 'a': its mass, inertia or pose is not finite"):
+        load(robot(link("a", INERTIAL.replace('ixx="0.01"', 'ixx="inf"'))))
+
+
 def test_a_note_names_the_joint_that_mimics(load):
     """Not the one that it follows."""
     limits = '<limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="master" multiplier="-2"/>'
