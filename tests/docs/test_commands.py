@@ -48,6 +48,8 @@ OPTIONAL = re.compile(r"\[[^]]*\b[A-Z]+\b[^]]*\](\.\.\.)?")
 STANDS_FOR = {
     "mypkg.adapter:MyEngine": "toy_engine:ToyEngine",
     "runs/TIME": "runs/a",
+    "runs/main": "runs/a",
+    "runs/branch": "runs/b",
     "runs/soak-.../soak_123_overlap.toml": "my_scene.toml",
     "SCENE": "slip",
     "FILE": "detector_reports.json",
