@@ -52,6 +52,7 @@ STANDS_FOR = {
     "runs/branch": "runs/b",
     "runs/soak-.../soak_123_overlap.toml": "my_scene.toml",
     "SCENE": "slip",
+    "--engine NAME": "--engine dart",
     "FILE": "detector_reports.json",
 }
 NOT_RUN = {
@@ -64,6 +65,7 @@ NOT_RUN = {
     "touchstone nightly --store nights ": "half an hour; its --quick is run",
     "touchstone accept last": "needs two nights; tests/reports/nightly",
     "touchstone study stability [": "an hour; its --quick is run",
+    "touchstone tune SCENE": "all options; README's line is run",
     "touchstone soak": "plays as long as it is asked to; tests/reports/studies",
 }
 """Start of a command that the slow test leaves out, and why."""
