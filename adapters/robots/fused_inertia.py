@@ -15,6 +15,8 @@ from touchstone.adapters.contract import Array
 from touchstone.adapters.robots.links import MassProperties, combined
 from touchstone.adapters.robots.xml_source import Element, number
 
+WORLD_LINK = "world"
+"""Link that MuJoCo takes as the world: what is fixed to it keeps its mass."""
 LEAST_MOMENT = 1e-14
 """Moment up to which MuJoCo takes it as none [kg m^2]."""
 
@@ -42,14 +44,14 @@ def fuse_inertia(root: Element) -> None:
     links, joints = links_and_joints(root)
     below: dict[Any, list[tuple[Element, Any]]] = {}
     for joint, parent, child in joints:
-        if joint.attributes.get("type") == "fixed" and child in links:
+        if joint.attributes.get("type") == "fixed" and child in links and parent != WORLD_LINK:
             below.setdefault(parent, []).append((joint, child))
     hanging = {child for several in below.values() for _, child in several}
     for top in below:
         if top in hanging or top not in links:
             continue
         members = list(_members(links, below, top, np.zeros(3), np.eye(3)))
-        given = [found for found in members if found[1] is not None]
+        given = [one for one in members if one[1] is not None and (one[1].mass or one[1].inertia.any())]
         whole = combined([mass for _, mass in given])
         if all(_of_a_body(mass) for _, mass in given) or not _of_a_body(whole):
             continue
