@@ -55,7 +55,7 @@ def fuse_inertia(root: Element) -> None:
         whole = combined([mass for _, mass in given])
         if all(_of_a_body(mass) for _, mass in given) or not _of_a_body(whole):
             continue
-        for link, _ in given:
+        for link, _ in members:
             link.children = [one for one in link.children if one.tag != "inertial"]
         links[top].children.append(_inertial(links[top], whole))
 

@@ -73,6 +73,9 @@ def test_an_inertia_of_no_body_counts_in_what_it_is_fixed_to(load, tmp_path):
     ):
         found = load(text.replace("</robot>", f"{''.join(more)}</robot>"))
         assert max(checked(tmp_path / "robot.urdf", found, False).values()) < 1e-12
+    empty = INERTIAL.replace('"1"', '"0"').replace("0.01", "0")
+    found = load(robot(link("o", empty), link("a"), joint("g", "o", "a", "fixed"), sensor, fixed))
+    assert max(checked(tmp_path / "robot.urdf", found, False).values()) < 1e-12
     alone = robot(link("a"), link("s", bent), joint("j", "a", "s"))
     with pytest.raises(RobotError, match=r"robot\.urdf:3: link 's': a moment of inertia exceeds the sum"):
         load(alone)
