@@ -25,17 +25,15 @@ def links_and_joints(root: Element) -> tuple[dict[str | None, Element], list[tup
     """Links by name, and each joint with the names of its parent and child."""
     links = {one.attributes.get("name"): one for one in root.children if one.tag == "link"}
     joints = [
-        (
-            joint,
-            *(
-                next((end.attributes.get("link") for end in joint.children if end.tag == tag), None)
-                for tag in ("parent", "child")
-            ),
-        )
+        (joint, _end(joint, "parent"), _end(joint, "child"))
         for joint in root.children
         if joint.tag == "joint"
     ]
     return links, joints
+
+
+def _end(joint: Element, tag: str) -> Any:
+    return next((end.attributes.get("link") for end in joint.children if end.tag == tag), None)
 
 
 def fuse_inertia(root: Element) -> None:
@@ -43,17 +41,19 @@ def fuse_inertia(root: Element) -> None:
     their sum is."""
     links, joints = links_and_joints(root)
     below: dict[Any, list[tuple[Element, Any]]] = {}
+    hanging: set[Any] = set()  # with one parent each, so that what hangs on a top ends
     for joint, parent, child in joints:
-        if joint.attributes.get("type") == "fixed" and child in links and parent != WORLD_LINK:
+        fixed = joint.attributes.get("type") == "fixed" and parent != WORLD_LINK
+        if fixed and child in links and child not in hanging:
+            hanging.add(child)
             below.setdefault(parent, []).append((joint, child))
-    hanging = {child for several in below.values() for _, child in several}
     for top in below:
         if top in hanging or top not in links:
             continue
         members = list(_members(links, below, top, np.zeros(3), np.eye(3)))
-        given = [one for one in members if one[1] is not None and (one[1].mass or one[1].inertia.any())]
-        whole = combined([mass for _, mass in given])
-        if all(_of_a_body(mass) for _, mass in given) or not _of_a_body(whole):
+        given = [mass for _, mass in members if mass is not None and (mass.mass or mass.inertia.any())]
+        whole = combined(given)
+        if all(_of_a_body(mass) for mass in given) or not _of_a_body(whole):
             continue
         for link, _ in members:
             link.children = [one for one in link.children if one.tag != "inertial"]
