@@ -11,8 +11,6 @@ Report = Callable[[str, str], None]
 """Takes the path of a field and what is wrong with it."""
 LONGEST = 1e15
 """Magnitude of lengths and coordinates of a scene [m]: beyond it, sums lose all digits of a metre."""
-WIDEST = 1e6
-"""Largest size of a shape [m]: rounding on a larger one is not below the 1e-9 m of a contact's gap."""
 SHORTEST = 1e-15
 """Least size of a shape [m]: beside a metre it is rounding."""
 LARGEST, SMALLEST = 1e30, 1e-30
@@ -74,7 +72,7 @@ def positive(
 
 def sizes(values: Iterable[float], path: str, report: Report, width: int | None = None) -> bool:
     """Report sizes of a shape [m] that are not positive, or that no scene has; whether there are none."""
-    return positive(values, path, report, width, WIDEST, SHORTEST)
+    return positive(values, path, report, width, LONGEST, SHORTEST)
 
 
 def unit(values: tuple[float, ...], path: str, report: Report, width: int) -> bool:
