@@ -1,4 +1,4 @@
-"""Collada meshes as OBJ, which MuJoCo reads: by Coal's loader, in m."""
+"""Collada meshes and STL as text as OBJ, which MuJoCo reads: by Coal's loader, in m."""
 
 from __future__ import annotations
 

@@ -18,6 +18,8 @@ SECTIONS = {
     "keyframe": "keyframes: the robot starts in its reference posture",
 }
 """Sections of MJCF whose elements are left out."""
+ELEMENTS = {"fixed": "tendons that couple joints", "skin": "skins, which are drawn and touch nothing"}
+"""Other elements of MJCF that are left out."""
 
 
 def friction_of(model: Any, notes: list[str]) -> float:
@@ -53,6 +55,9 @@ def left_out(source: Source, kept: Collection[str] | None) -> list[str]:
     for coupled in (*equalities, *mimics):
         name = coupled.attributes.get("joint1") or coupled.attributes.get("name") or coupled.tag
         notes.append(f"left out: the coupling of joint {name!r}")
+    for tag, text in ELEMENTS.items():
+        if count := sum(one.tag == tag for one in source.root.walk()):
+            notes.append(f"left out: {count} {text}")
     hinges = np.flatnonzero(model.jnt_type == HINGE if driven else model.jnt_type != FREE)
     dofs = model.jnt_dofadr[hinges]
     counts = Counter(

@@ -41,6 +41,8 @@ BASE_END = "_base"
 SIMULATED_DURATION = 10.0
 """Duration of the scene of a simulated robot [s]: time to stand or to fall and come to rest."""
 LEFT_OUT = "left out: body"
+NOTHING_MOVES = "nothing in it can move"
+"""Why a file of materials, a floor or a mount is no scene."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +111,7 @@ def _scene(source: Source, name: str, file: str, notes: list[str], simulated: Si
     if simulated is not None:
         add_exclusions(maker, parts, notes)
     if not parts.trackers and not any(body.kind == "simulated" for body in parts.bodies):
-        raise RobotError("nothing in it can move")
+        raise RobotError(NOTHING_MOVES)
     friction = friction_of(model, notes)
     pairs = (("robot", "robot"), ("robot", "floor"))
     place_floor(parts, notes)

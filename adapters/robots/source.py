@@ -6,31 +6,31 @@ import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from touchstone.adapters.engines.mujoco.model import hear_warnings
+from touchstone.adapters.robots.fused_inertia import fuse_inertia, links_and_joints
 from touchstone.adapters.robots.robot_error import RobotError
-from touchstone.adapters.robots.xml_source import Element, found_file, parsed
+from touchstone.adapters.robots.xml_source import Element, found_file, is_text_stl, number, parsed
 
 COLLADA = ".dae"
 MESH_SUFFIXES = (".stl", ".obj", ".msh", COLLADA)
-"""Meshes of URDF: MuJoCo reads all but the last, which is converted."""
+"""Meshes of URDF: MuJoCo reads all but the last and STL as text, which are converted."""
 REFUSED_JOINTS = {
     "floating": "six degrees of freedom cannot be kept; a tracker places the root of a robot",
     "planar": "three degrees of freedom in a plane cannot be kept",
 }
 REFUSED_MJCF = {
-    "tendon": "tendons couple joints, which hinges alone cannot",
+    "spatial": "a tendon that spans bodies cannot be kept",
     "flex": "deformable bodies cannot be kept",
     "flexcomp": "deformable bodies cannot be kept",
     "composite": "composite bodies cannot be kept",
-    "skin": "skins cannot be kept",
     "plugin": "plug-ins are not loaded",
     "replicate": "replicated bodies cannot be named",
 }
@@ -95,7 +95,7 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
                 raise RobotError(
                     mesh.named(f"{file.name}: found {file.suffix}, expected {', '.join(MESH_SUFFIXES)}")
                 )
-            if file.suffix.lower() == COLLADA:
+            if file.suffix.lower() == COLLADA or is_text_stl(file):
                 file = _converted(mesh, file, scratch)
             mesh.attributes["filename"] = str(file)
         except RobotError as error:
@@ -103,18 +103,21 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
     faults += _massless(root)
     if faults:
         raise RobotError("\n".join(faults))
+    fuse_inertia(root)
 
     def load() -> Any:
         spec = mujoco.MjSpec.from_string(root.text())
         # a link without <inertial> has no mass, whatever shape it has
         spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+        for mesh in spec.meshes:  # its hull is what collides; an open mesh has no volume of its own
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         return spec
 
     return load
 
 
 def _converted(mesh: Element, file: Path, scratch: Path) -> Path:
-    """A Collada mesh as OBJ in `scratch`, with the same name; raises RobotError if it cannot be read."""
+    """A mesh that MuJoCo does not read, as OBJ in `scratch` with the same name; raises RobotError."""
     from touchstone.adapters.oracles.collada import obj_of
 
     target = scratch / file.relative_to(file.anchor).with_suffix(".obj")
@@ -128,14 +131,6 @@ def _converted(mesh: Element, file: Path, scratch: Path) -> Path:
     return target
 
 
-def number(element: Element, name: str) -> float:
-    """A number of an attribute; 0 where it is absent, NaN where MuJoCo will refuse it."""
-    try:
-        return float(element.attributes.get(name, "0"))
-    except ValueError:
-        return nan
-
-
 def _has_inertia(link: Element) -> bool:
     """Whether a link has a mass and moments, or what MuJoCo will refuse as numbers."""
     found = {one.tag: one for one in link.walk()}
@@ -147,20 +142,12 @@ def _has_inertia(link: Element) -> bool:
 
 def _massless(root: Element) -> list[str]:
     """Links that a joint moves although neither they nor what is fixed to them have mass and inertia."""
-    links = {one.attributes.get("name"): one for one in root.children if one.tag == "link"}
-    joints = [one for one in root.children if one.tag == "joint"]
-    ends = {
-        id(joint): [
-            next((end.attributes.get("link") for end in joint.children if end.tag == tag), None)
-            for tag in ("parent", "child")
-        ]
-        for joint in joints
-    }
-    fixed = [ends[id(joint)] for joint in joints if joint.attributes.get("type") == "fixed"]
+    links, joints = links_and_joints(root)
+    fixed = [ends for joint, *ends in joints if joint.attributes.get("type") == "fixed"]
     heavy = {name for name, link in links.items() if _has_inertia(link)}
     for _ in fixed:  # one more level at a time
         heavy |= {parent for parent, child in fixed if child in heavy}
-    moved = [(joint, ends[id(joint)][1]) for joint in joints if joint.attributes.get("type") != "fixed"]
+    moved = [(joint, child) for joint, _, child in joints if joint.attributes.get("type") != "fixed"]
     return [
         links[child].named(
             f"joint {joint.attributes.get('name')!r} moves it, but it has no mass or no inertia"
@@ -188,9 +175,8 @@ def _check_mjcf(
         folders |= {key: value for key, value in compiler.attributes.items() if key.endswith("dir")}
     for element in list(root.walk()):
         inner = [one for one in element.children if one.tag not in ("default",)]
-        if element.tag in REFUSED_MJCF and (element.tag != "tendon" or inner):
-            target = inner[0] if element.tag == "tendon" else element
-            faults.append(target.named(REFUSED_MJCF[element.tag]))
+        if element.tag in REFUSED_MJCF:
+            faults.append(element.named(REFUSED_MJCF[element.tag]))
         elif element.tag == "equality":
             loops = (one for one in inner if one.tag in LOOPS)
             faults += [one.named("a closed loop cannot be kept") for one in loops]
@@ -233,13 +219,12 @@ def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...
             hear_warnings(lambda text: warned.setdefault(" ".join(text.split())))
             spec = load()
             spec.compiler.fusestatic = False
-            return spec.compile(), tuple(warned)
+            model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         text = " ".join(str(error).split()).removeprefix("XML Error: ").removeprefix("Error: ")
         found = re.search(r"Element name '([^']*)'", text)
         line = re.search(r"line (\d+)", text)
-        named = (one for one in root.walk() if found and one.attributes.get("name") == found[1])
-        element = next(named, None)
+        element = _named(root, found[1]) if found else None
         reason = re.sub(r",? ?(Element (name )?'[^']*'(, (id|line) -?\d+)?|line \d+)", "", text).strip()
         reason = next((plain for words, plain in PLAIN_WORDS.items() if words in reason), reason)
         if element is not None:
@@ -248,3 +233,17 @@ def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...
         place = f"{path}:{line[1]}" if line else f"{path}"
         reason = f"{tag[1]}: {reason}" if tag and line else reason
         raise RobotError(f"{place}: {reason}") from error
+    for body in range(model.nbody):
+        own = [getattr(model, f"body_{name}")[body] for name in ("mass", "inertia", "ipos", "pos")]
+        turns = [np.linalg.norm(getattr(model, f"body_{name}")[body]) for name in ("iquat", "quat")]
+        if not (np.isfinite(np.hstack(own)).all() and np.allclose(turns, 1)):
+            name = model.body(body).name
+            reason = "its mass, inertia or pose is not finite"
+            element = _named(root, name)
+            raise RobotError(element.named(reason) if element else f"{path}: body {name!r}: {reason}")
+    return model, tuple(warned)
+
+
+def _named(root: Element, name: str) -> Element | None:
+    """First element of a name."""
+    return next((one for one in root.walk() if one.attributes.get("name") == name), None)

@@ -10,6 +10,7 @@ import re
 import xml.parsers.expat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from math import nan
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
@@ -63,6 +64,14 @@ class Element:
             line = child._write(parts, line)
         parts.append(f"</{escape(self.tag)}>")
         return line
+
+
+def number(element: Element, name: str) -> float:
+    """A number of an attribute; 0 where it is absent, NaN where MuJoCo will refuse it."""
+    try:
+        return float(element.attributes.get(name, "0"))
+    except ValueError:
+        return nan
 
 
 def parsed(path: Path) -> Element:
@@ -128,3 +137,13 @@ def found_file(element: Element, folder: Path, name: str, allow_paths: bool) -> 
     except PathRefused as error:
         reason = f"file {name!r} lies outside the robot's folder; allow it by --allow-paths"
         raise RobotError(element.named(reason)) from error
+
+
+def is_text_stl(path: Path) -> bool:
+    """Whether an STL file is text: the size of a binary one follows from the number of its triangles."""
+    if path.suffix.lower() != ".stl":
+        return False
+    with open(path, "rb") as file:
+        head = file.read(84)
+    count = int.from_bytes(head[80:], "little")
+    return head.startswith(b"solid") and path.stat().st_size != 84 + 50 * count

@@ -279,7 +279,7 @@ def _checked_facts(path: Path) -> dict[str, Any]:
     Identity.model_validate(facts)
     if missing := [name for name in NEEDED if name not in schema.names]:
         raise ValueError(f"no columns {', '.join(missing)}")
-    pq.read_table(path, schema=SCHEMA)  # damaged pages
+    pq.read_table(path, schema=SCHEMA).validate(full=True)  # damaged pages and texts
     return facts
 
 

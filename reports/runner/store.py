@@ -157,6 +157,7 @@ class Store:
                 table = pq.read_table(
                     regular(path), columns=list(dict.fromkeys([*wanted, "cell"])), schema=SCHEMA
                 )
+                table.validate(full=True)  # texts are UTF-8
             except (pa.ArrowException, OSError) as error:
                 raise StoreError(_fault(path, error)) from error
             cells = set(table.column("cell").unique().to_pylist())

@@ -14,7 +14,7 @@ import pandas as pd
 from touchstone.adapters.oracles.robot_file import EQUAL, READERS, deviations, trees_of
 from touchstone.adapters.robots.mechanism import Simulated
 from touchstone.adapters.robots.robot_error import RobotError
-from touchstone.adapters.robots.robot_scene import Imported, imported
+from touchstone.adapters.robots.robot_scene import NOTHING_MOVES, Imported, imported
 from touchstone.adapters.robots.source import compiled
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
@@ -121,6 +121,7 @@ RESULTS = {"skipped": "refused", "error": "error"}
 NOTES = (
     "deviation: the largest of mass, centre, inertia (start and two random postures), axes and limits of "
     "joints from the file, relative to the robot's mass, size or inertia; equal: at most 1e-9",
+    f"no robot: {NOTHING_MOVES}, as in a file of materials or a mount",
     "notes: lines of `touchstone import` about what a scene does not keep",
 )
 
@@ -128,12 +129,14 @@ NOTES = (
 def report(frame: pd.DataFrame) -> list[Part]:
     """A line per robot, what differs, and the reason of each that is refused."""
     lines = []
-    counts: dict[str, int] = {}
+    counts: dict[str, Counter[str]] = {}
     remarks = []
     for name, part in frame.groupby("scenario", sort=False):
         rows = {row.metric + row.subject: row for row in rows_of(part)}
         first = next(iter(rows.values()))
         result = RESULTS.get(first.verdict, "equal")
+        if first.reason.endswith(NOTHING_MOVES):
+            result = "no robot"
         cells = ["", "", "", ""]
         if result == "equal":
             off = {metric: row for metric, row in rows.items() if row.limit == row.limit}
@@ -146,9 +149,17 @@ def report(frame: pd.DataFrame) -> list[Part]:
                 f"{m.removeprefix('robot.')} by {r.value:.1e}" for m, r in off.items() if r.verdict == "fail"
             ]
             remarks += [f"differs: {name}: {', '.join(apart)}"] if apart else []
-        else:
+        elif result != "no robot":
             remarks.append(f"{result}: {name}: {first.reason}")
-        counts[result] = counts.get(result, 0) + 1
+        counts.setdefault(str(name).partition("/")[0], Counter())[result] += 1
         lines.append([str(name), result, *cells])
-    total = ", ".join(f"{count} {result}" for result, count in counts.items())
-    return [Part("robots, compared with their files", HEADS, lines, NOTES, [total, *remarks], words=2)]
+    totals = [_total(folder, found) for folder, found in counts.items()]
+    whole = _total("all", sum(counts.values(), Counter()))
+    totals = [*totals, whole] if len(totals) > 1 else [whole.removeprefix("all: ")]
+    return [Part("robots, compared with their files", HEADS, lines, NOTES, [*totals, *remarks], words=2)]
+
+
+def _total(folder: str, found: Counter[str]) -> str:
+    """Counts of a folder: robots that are equal first."""
+    rest = "".join(f", {found[one]} {one}" for one in sorted(found) if one != "equal")
+    return f"{folder}: {found['equal']} equal{rest}"

@@ -1,5 +1,7 @@
-"""Every command of README and of the pages parses; the slow test runs it in a folder with what it names, and
-compares the exit code with that of the page: 0, or N of a comment `# exit N` or of `exit N` in a table's row.
+"""Every command of README and of the pages parses; the slow test runs it in a folder with what it names.
+
+It compares the exit code with that of the page: 0, or N of a comment `# exit N` or `exit N` in a table row;
+and a time beside it, in a comment, its row, or "takes ... minutes" below it, with its processor time.
 Figures of `docs/answers.md` are compared with what its commands measure.
 
 `docs/tour.md` and `docs/your_scene.md` have tests of their own, which compare what their commands print.
@@ -9,6 +11,7 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 import shlex
 import shutil
 import subprocess
@@ -32,13 +35,24 @@ COMMAND = re.compile(
 )
 """A line of a block, or the start of a cell of a table."""
 EXIT = re.compile(r"# exit (\d+)$|^\|.*\bexit (\d+)\b")
+COUNTS = {"a": 1, "an": 1, "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "nine": 9, "ten": 10}
+COUNT = rf"(\d+|{'|'.join(COUNTS)})"
+TAKES = re.compile(
+    rf"\b(?:(?:takes|in) (?:{COUNT} to )?{COUNT}|(under an?|tens of)) (s|minute|hour)s?\b(?! of processor)"
+)
+UNITS = {"s": 1.0, "minute": 60.0, "hour": 3600.0}
+FACTOR = 3.0
+"""Factor up to which a time on a page is that of its command."""
 OPTIONAL = re.compile(r"\[[^]]*\b[A-Z]+\b[^]]*\](\.\.\.)?")
 """An optional part with a placeholder, which is left out; others are taken without their brackets."""
 STANDS_FOR = {
     "mypkg.adapter:MyEngine": "toy_engine:ToyEngine",
     "runs/TIME": "runs/a",
+    "runs/main": "runs/a",
+    "runs/branch": "runs/b",
     "runs/soak-.../soak_123_overlap.toml": "my_scene.toml",
     "SCENE": "slip",
+    "--engine NAME": "--engine dart",
     "FILE": "detector_reports.json",
 }
 NOT_RUN = {
@@ -51,6 +65,7 @@ NOT_RUN = {
     "touchstone nightly --store nights ": "half an hour; its --quick is run",
     "touchstone accept last": "needs two nights; tests/reports/nightly",
     "touchstone study stability [": "an hour; its --quick is run",
+    "touchstone tune SCENE": "all options; README's line is run",
     "touchstone soak": "plays as long as it is asked to; tests/reports/studies",
 }
 """Start of a command that the slow test leaves out, and why."""
@@ -64,6 +79,7 @@ class Documented(NamedTuple):
     page: str
     text: str
     code: int
+    takes: tuple[float, float] | None
 
     @property
     def arguments(self) -> list[str]:
@@ -80,7 +96,7 @@ def documented() -> Iterator[Documented]:
     seen: set[str] = set()
     for page in PAGES:
         lines = page.read_text("utf-8").splitlines() if page.name not in ELSEWHERE else []
-        for line, follows in zip(lines, [*lines[1:], ""]):
+        for k, (line, follows) in enumerate(zip(lines, [*lines[1:], ""])):
             if not (found := COMMAND.match(line)):
                 continue
             more = f" {follows.strip()}" if follows.strip().startswith("--") else ""
@@ -88,7 +104,31 @@ def documented() -> Iterator[Documented]:
             if text.strip() not in seen:
                 seen.add(text.strip())
                 code = EXIT.search(line)
-                yield Documented(page.name, text.strip(), int(code[1] or code[2]) if code else 0)
+                number = int(code[1] or code[2]) if code else 0
+                yield Documented(page.name, text.strip(), number, _takes(lines, k))
+
+
+def _takes(lines: list[str], at: int) -> tuple[float, float] | None:
+    """Least and largest time [s] that a page states of the command in a line."""
+    above = at
+    while lines[above - 1].startswith("    # "):
+        above -= 1
+    below = at + 1
+    while (
+        not lines[at].startswith("|")
+        and below < len(lines)
+        and not re.match("#|    (touchstone|#) ", lines[below])
+    ):
+        below += 1
+    found = TAKES.search(" ".join(line.strip() for line in lines[above:below]))
+    if found is None:
+        return None
+    low, high, about, unit = found.groups()
+    if about:
+        least, most = (0, 1) if about.startswith("under") else (10, 60)
+    else:
+        least, most = (int(COUNTS.get(word, word)) for word in (low or high, high))
+    return least * UNITS[unit], most * UNITS[unit]
 
 
 ALL = list(documented())
@@ -97,6 +137,7 @@ ALL = list(documented())
 def test_the_pages_have_commands():
     """What is left out is documented: no reason outlives its command."""
     assert len(ALL) > 40
+    assert sum(one.takes is not None for one in ALL) > 8
     for start in NOT_RUN:
         assert any(one.text.startswith(start.rstrip()) for one in ALL), start
 
@@ -165,9 +206,21 @@ def test_a_documented_command_exits_as_its_page_says(one, home):
     for name in OPTIONAL_ENGINES:
         if name in one.arguments and not installed(name):
             pytest.skip(missing_reason(name))
+    before = processor_time()
     code, text = call(home, one.arguments)
+    spent = processor_time() - before
     assert code == one.code, f"exit {code}\n{text}"
     assert "Traceback" not in text
+    if one.takes is not None:  # on two idle cores it takes between half of its processor time and all
+        least, most = one.takes
+        assert spent / 2 < FACTOR * most, f"{spent:.0f} s of processor time"
+        assert spent > least / FACTOR, f"{spent:.0f} s of processor time"
+
+
+def processor_time() -> float:
+    """Of all child processes that ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def cells(text: str) -> dict[str, list[float]]:

@@ -23,7 +23,7 @@ PYBULLET = (
 )
 GYMNASIUM = (
     *("ant.xml", "half_cheetah.xml", "walker2d.xml", "hopper.xml", "pusher.xml"),
-    "humanoid.xml",  # refused: tendons
+    "humanoid.xml",
 )
 DM_CONTROL = (
     *(
@@ -35,7 +35,7 @@ DM_CONTROL = (
         "cheetah.xml",
         "hopper.xml",
     ),
-    "quadruped.xml",  # refused: tendons
+    "quadruped.xml",  # refused: too fine a height field
 )
 ROBOT_DATA = (
     "panda_description/urdf/panda.urdf",
@@ -58,7 +58,7 @@ ROBOT_DATA = (
     "solo_description/robots/solo.urdf",
     "borinot_description/urdf/borinot_flying_arm_2.urdf",
     "iris_description/robots/iris.urdf",
-    "allegro_hand_description/urdf/allegro_right_hand.urdf",  # refused: an inertia that no body has
+    "allegro_hand_description/urdf/allegro_right_hand.urdf",
     "romeo_description/urdf/romeo.urdf",  # refused: fingers without mass
 )
 

@@ -150,8 +150,8 @@ def test_several_hinges_share_a_body(robot, tmp_path):
         (
             "r.xml",
             "</worldbody>",
-            '</worldbody>\n<tendon><fixed name="t"><joint joint="x" coef="1"/></fixed></tendon>',
-            "r.xml:9: fixed 't': tendons couple joints",
+            '</worldbody>\n<tendon><spatial name="t"><site site="a"/></spatial></tendon>',
+            "r.xml:9: spatial 't': a tendon that spans bodies cannot be kept",
         ),
         (
             "r.xml",

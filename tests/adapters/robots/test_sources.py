@@ -7,6 +7,7 @@ import pytest
 
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.robot_scene import imported
+from touchstone.reports.studies.robots import checked
 
 MOMENTS = 'ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"'
 INERTIAL = f'<inertial><mass value="1"/><inertia {MOMENTS}/></inertial>'
@@ -57,6 +58,38 @@ def test_a_shape_without_inertial_has_no_mass(load):
     assert masses == {"a": 1.0, "b": 1.0}
 
 
+def test_an_inertia_of_no_body_counts_in_what_it_is_fixed_to(load, tmp_path):
+    """A sensor that turns about one axis alone, on a turned mount: their sum is what pinocchio has."""
+    bent = INERTIAL.replace('ixx="0.01"', 'ixx="0.1"')
+    fixed = joint("f", "a", "s", "fixed").replace('xyz="0 0 0.5"', 'xyz="0.1 0.2 0.3" rpy="0.3 -0.2 0.5"')
+    sensor = link("s", bent.replace("<mass", '<origin xyz="0 0.1 0" rpy="0.4 0 1"/><mass'))
+    text = robot(link("a"), sensor, link("b"), fixed, joint("j", "a", "b"))
+    found = load(text)
+    assert max(checked(tmp_path / "robot.urdf", found, False).values()) < 1e-12
+    world = '<link name="world"/>\n', joint("w", "world", "a", "fixed")
+    for more in (
+        world,
+        (link("e", INERTIAL.replace('"1"', '"0"').replace("0.01", "0")), joint("e", "a", "e", "fixed")),
+    ):
+        found = load(text.replace("</robot>", f"{''.join(more)}</robot>"))
+        assert max(checked(tmp_path / "robot.urdf", found, False).values()) < 1e-12
+    empty = INERTIAL.replace('"1"', '"0"').replace("0.01", "0")
+    found = load(robot(link("o", empty), link("a"), joint("g", "o", "a", "fixed"), sensor, fixed))
+    assert max(checked(tmp_path / "robot.urdf", found, False).values()) < 1e-12
+    alone = robot(link("a"), link("s", bent), joint("j", "a", "s"))
+    with pytest.raises(RobotError, match=r"robot\.urdf:3: link 's': a moment of inertia exceeds the sum"):
+        load(alone)
+
+
+def test_tendons_of_joints_and_skins_are_noted(load):
+    """A tendon that couples joints does less than the joints: it is left out as other couplings are."""
+    text = """<mujoco><worldbody><body name="a"><geom size="0.1"/><body name="b"><joint name="j"/>
+<geom size="0.1"/></body></body></worldbody>
+<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>
+</mujoco>"""
+    assert "left out: 1 tendons that couple joints" in load(text, "robot.xml").notes
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [
@@ -99,6 +132,27 @@ def test_a_mesh_that_was_not_fetched_is_named(load, tmp_path):
     (tmp_path / "tip.obj").write_text("version https://git-lfs.github.com/spec/v1\n")
     with pytest.raises(RobotError, match=r"robot\.xml:1: mesh 'tip': file 'tip\.obj': a Git LFS pointer"):
         load(MESHED, "robot.xml")
+
+
+def test_a_mesh_as_text_is_read(load, tmp_path):
+    """STL as text, which MuJoCo does not read; the mesh is open, without a volume of its own."""
+    corners = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 0, 0), (0.1, 0, 0), (0, 0, 0.1)]
+    faces = (
+        "facet normal 0 0 1\nouter loop\n"
+        + "".join(f"vertex {x} {y} {z}\n" for x, y, z in three)
+        + "endloop\nendfacet\n"
+        for three in corners
+    )
+    (tmp_path / "tip.stl").write_text(f"solid tip\n{''.join(faces)}endsolid tip\n")
+    meshed = link("a").replace('<box size="0.1 0.1 0.1"/>', '<mesh filename="tip.stl"/>')
+    (piece,) = next(one for one in load(robot(meshed)).scenario.bodies if one.name == "a").pieces
+    assert len(piece.shape.vertices) == 4
+
+
+def test_a_number_that_is_not_finite_is_named(load):
+    """In a URDF, with its link and line."""
+    with pytest.raises(RobotError, match=r"robot\.urdf:2: link 'a': its mass, inertia or pose is not finite"):
+        load(robot(link("a", INERTIAL.replace('ixx="0.01"', 'ixx="inf"'))))
 
 
 def test_a_note_names_the_joint_that_mimics(load):
