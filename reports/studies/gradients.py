@@ -343,8 +343,8 @@ def errors_picture(frame: pd.DataFrame, path: Path) -> None:
             np.clip(table.to_numpy(), LEAST, MOST), norm=LogNorm(LEAST, MOST), cmap="RdYlBu_r",
             edgecolors="white", linewidth=0.6,
         )  # fmt: skip
-        starts, names = zip(*(name.split("   ") for name in table.index))
-        axes.set_yticks(np.arange(len(table)) + 0.5, names, fontsize=8)
+        starts, labels = zip(*(name.split("   ") for name in table.index))
+        axes.set_yticks(np.arange(len(table)) + 0.5, labels, fontsize=8)
         powers = [f"$10^{{{log10(size):.0f}}}$" for size in SIZES]
         axes.set_xticks(np.arange(len(table.columns)) + 0.5, powers * len(heads))
         axes.tick_params(length=0, labelsize=7.5, colors=INK)

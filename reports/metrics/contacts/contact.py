@@ -262,7 +262,9 @@ def _ends(context: Context) -> tuple[Mask, Mask]:
     return is_first, is_last
 
 
-def _gap_at(context: Context, g: Gap, time: Array, frame: Array, first: Mask, last: Mask) -> Array:
+def _gap_at(
+    context: Context, g: Gap, time: Array, frame: NDArray[np.int64], first: Mask, last: Mask
+) -> Array:
     """Gap at times within frames: the smaller of the free arc's, where one leads to the contact, and the
     linear interpolation between two touching frames (hops fit between them); zero between two contacts of a
     frame."""
