@@ -72,8 +72,12 @@ class Distances:
 
     def overlap(self) -> Array:
         """Depth of the deepest body pair per frame (f,) [m]."""
-        deepest = np.min(np.array(list(self.distance.values())), axis=0)
-        return np.maximum(0.0, -deepest)
+        return np.asarray(np.maximum(0.0, -np.min(self.near, axis=0)))
+
+    @property
+    def near(self) -> list[Array]:
+        """Distances (f,) [m] of all pairs; pairs that are never near share one array."""
+        return list({id(one): one for one in self.distance.values()}.values())
 
 
 def measure(recording: Recording, scenario: Scenario, asked: Iterable[tuple[int, int]] = ()) -> Distances:

@@ -108,9 +108,7 @@ class Context:
         with judging():
             from touchstone.adapters.oracles.overlap import measure
         asked = {pair for pairs in self.expected_pairs.values() for pair in pairs}
-        rows = self.recording.contacts
-        met = set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))
-        asked |= {pair for pair in met if "simulated" in (self.kind[pair[0]], self.kind[pair[1]])}
+        asked |= {(a, b) for a, b in self.met[0] if "simulated" in (self.kind[a], self.kind[b])}
         asked |= {pair for pair in self.scenario.touching_pairs() if set(pair) & self.truths.keys()}
         return measure(self.recording, self.scenario, asked)
 
@@ -185,6 +183,13 @@ class Context:
         codes = rows["body_a"].astype(np.int64) * count + rows["body_b"]
         codes, which = np.unique(codes, return_inverse=True)
         return [divmod(code, count) for code in codes.tolist()], which
+
+    @cached_property
+    def pair_rows(self) -> dict[tuple[int, int], NDArray[np.int64]]:
+        """Contact rows of each body pair that has any, in time order."""
+        met, which = self.met
+        ends = np.cumsum(np.bincount(which, minlength=len(met)))
+        return dict(zip(met, np.split(np.argsort(which, kind="stable"), ends[:-1])))
 
     @cached_property
     def impulses(self) -> tuple[Array, Array]:

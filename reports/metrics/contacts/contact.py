@@ -42,13 +42,16 @@ def impulse_balance(context: Context) -> Values:
     """
     if lacks_friction(context):
         raise NotMeasured(LACKING)
-    rows = context.recording.contacts
+    rows, count = context.recording.contacts, len(context.kind)
+    frames = len(context.recording.time) - 1
+    sums = np.zeros((3, frames * count))
+    for side, sign in (("a", -1.0), ("b", 1.0)):
+        cell = context.contact_frame * count + rows[f"body_{side}"]
+        sums += [sign * np.bincount(cell, part, minlength=frames * count) for part in rows["impulse"].T]
+    impulse = sums.T.reshape(frames, count, 3)
     found: dict[str, float] = {}
     for bodies in _free_groups(context):
-        felt = np.zeros((len(context.recording.time) - 1, 3))
-        for side, sign in (("a", -1.0), ("b", 1.0)):
-            mine = np.isin(rows[f"body_{side}"], bodies)
-            np.add.at(felt, context.contact_frame[mine], sign * rows["impulse"][mine])
+        felt = impulse[:, bodies].sum(axis=1)
         masses = context.mass[bodies]
         gained = np.diff(context.recording.linear_velocity[:, bodies], axis=0)
         change = np.einsum("b,fbi->fi", masses, gained - context.gravity * context.frame)
@@ -235,9 +238,8 @@ def at_distance(context: Context) -> Values:
         raise NotMeasured("no contact presses")
     first, last = _ends(context)
     gaps = np.zeros(len(rows))
-    for a, b in sorted(set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))):
-        mine = (rows["body_a"] == a) & (rows["body_b"] == b)
-        g = gap_of(context, [(a, b)])
+    for pair, mine in context.pair_rows.items():
+        g = gap_of(context, [pair])
         gaps[mine] = _gap_at(
             context, g, rows["time"][mine], context.contact_frame[mine], first[mine], last[mine]
         )
@@ -260,7 +262,9 @@ def _ends(context: Context) -> tuple[Mask, Mask]:
     return is_first, is_last
 
 
-def _gap_at(context: Context, g: Gap, time: Array, frame: Array, first: Mask, last: Mask) -> Array:
+def _gap_at(
+    context: Context, g: Gap, time: Array, frame: NDArray[np.int64], first: Mask, last: Mask
+) -> Array:
     """Gap at times within frames: the smaller of the free arc's, where one leads to the contact, and the
     linear interpolation between two touching frames (hops fit between them); zero between two contacts of a
     frame."""

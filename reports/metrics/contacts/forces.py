@@ -8,11 +8,12 @@ compare. Links count as their driven body.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections.abc import Callable, Iterable
 from itertools import product
 from math import atan2, cos, sin
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
@@ -27,11 +28,9 @@ from touchstone.scenarios.truths.published import Published, members
 
 def contact_forces(context: Context) -> dict[str, Array]:
     """Normal force per pair that presses (s,) [N], in the displayed steps; in the order of the bodies."""
-    met, which = context.met
     pressing = np.maximum(context.impulses[0], 0.0)
     found: dict[str, Array] = {}
-    for k, pair in enumerate(met):
-        mine = which == k
+    for pair, mine in context.pair_rows.items():
         if pressing[mine].any():
             steps = context.contact_frame[mine]
             impulse = np.bincount(steps, pressing[mine], minlength=len(context.recording.time) - 1)
@@ -98,12 +97,17 @@ def force_between(context: Context, one: Published) -> float:
     return _mean_force(context, pairs, *window.frames(context.scenario.frame_rate))
 
 
-def _mean_force(context: Context, pairs: Container[tuple[int, int]], first: int, end: int) -> float:
+def _mean_force(context: Context, pairs: Iterable[tuple[int, int]], first: int, end: int) -> float:
     """Mean normal force of pairs over the steps from `first` to `end` - 1 [N]."""
-    met, which = context.met
-    rows = np.isin(which, [k for k, pair in enumerate(met) if pair in pairs])
-    rows &= (context.contact_frame >= first) & (context.contact_frame < end)
+    rows = _rows(context, pairs)
+    rows = rows[(context.contact_frame[rows] >= first) & (context.contact_frame[rows] < end)]
     return float(np.maximum(context.impulses[0][rows], 0.0).sum() / ((end - first) * context.frame))
+
+
+def _rows(context: Context, pairs: Iterable[tuple[int, int]]) -> NDArray[np.int64]:
+    """Contact rows of pairs, in time order."""
+    found = [context.pair_rows[pair] for pair in pairs if pair in context.pair_rows]
+    return np.sort(np.concatenate(found)) if found else np.zeros(0, dtype=np.int64)
 
 
 SLIDING_SPEED = 0.05
@@ -127,8 +131,7 @@ def friction_cone(context: Context) -> Values:
     normal = np.maximum(context.impulses[0], 0.0)
     step = np.floor(rows["time"] / float(context.recording.facts["dt"]) + STARTS).astype(np.int64)
     found: dict[str, float] = {}
-    for pair in sorted(set(zip(rows["body_a"].tolist(), rows["body_b"].tolist()))):
-        mine = (rows["body_a"] == pair[0]) & (rows["body_b"] == pair[1])
+    for pair, mine in context.pair_rows.items():
         _, group = np.unique(step[mine], return_inverse=True)
         load, bound, friction = (np.bincount(group, x[mine]) for x in (normal, limit, tangential))
         least = context.least_impulse[mine][0]
@@ -169,27 +172,29 @@ def friction_deficit(context: Context) -> Values:
 def friction_direction(context: Context) -> Values:
     """Angle between j_t and the reversed sliding velocity, same contacts, weighted by j_n [rad]; truth 0."""
     normal, tangential = context.impulses
-    found = {}
+    found, slip = {}, context.slip("after")
     for pair, chosen in _sliding(context).items():
-        against = -context.slip("after")[chosen]
-        across = np.linalg.norm(np.cross(tangential[chosen], against), axis=1)
-        along = np.einsum("ij,ij->i", tangential[chosen], against)
+        across = np.linalg.norm(np.cross(tangential[chosen], -slip[chosen]), axis=1)
+        along = np.einsum("ij,ij->i", tangential[chosen], -slip[chosen])
         found[pair] = float(np.average(np.arctan2(across, along), weights=normal[chosen]))
     return found
 
 
-def _sliding(context: Context) -> dict[str, Array]:
+def _sliding(context: Context) -> dict[str, NDArray[np.int64]]:
     """Rows that press and slide before and after, of pairs with friction; links have their root's name."""
     normal, _ = context.impulses
     before = np.linalg.norm(context.slip("before"), axis=1)
     after = np.linalg.norm(context.slip("after"), axis=1)
     sliding = np.minimum(before, after) > SLIDING_SPEED
     sliding &= (normal > context.least_impulse) & (context.friction > 0)
-    met, which = context.met
-    names = [context.owner_pair(a, b) for a, b in met]
-    places = {name: [k for k, one in enumerate(names) if one == name] for name in sorted(names)}
-    mine = {name: sliding & np.isin(which, where) for name, where in places.items()}
-    found: dict[str, Array] = {name: rows for name, rows in mine.items() if rows.any()}
+    pairs: dict[str, list[tuple[int, int]]] = {}
+    for pair in context.pair_rows:
+        pairs.setdefault(context.owner_pair(*pair), []).append(pair)
+    found: dict[str, NDArray[np.int64]] = {}
+    for name in sorted(pairs):
+        rows = _rows(context, pairs[name])
+        if sliding[rows].any():
+            found[name] = rows[sliding[rows]]
     if not found:
         raise NotMeasured(f"no contact slides faster than {SLIDING_SPEED} m/s")
     return found
@@ -235,8 +240,10 @@ def friction_coast(context: Context) -> Values:
     found, reason = {}, "no box that a driven body pushed slides on by itself"
     for body in context.simulated:
         pieces = context.scenario.bodies[body].pieces
+        if len(pieces) != 1 or not isinstance(pieces[0].shape, Box):
+            continue
         mine = (rows["body_a"] == body) | (rows["body_b"] == body)
-        if len(pieces) != 1 or not isinstance(pieces[0].shape, Box) or not (mine & by_hand).any():
+        if not (mine & by_hand).any():
             continue
         free = int(context.contact_frame[mine & by_hand].max()) + 1
         mu = np.unique(context.friction[mine & (context.contact_frame >= free)])

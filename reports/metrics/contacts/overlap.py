@@ -38,7 +38,7 @@ def overlap_depth(context: Context) -> Array:
 
 def overlap_time(context: Context) -> Values:
     """Sum over body pairs of the deepest depth, integrated over the run [m s]."""
-    depths = [np.maximum(0.0, -d) for d in context.distances.distance.values()]
+    depths = [np.maximum(0.0, -d) for d in context.distances.near]
     return {"": float(np.sum(depths) * context.frame)}
 
 
@@ -64,7 +64,7 @@ def contact_gap(context: Context) -> Values:
 def _carried_gaps(context: Context) -> dict[str, Value]:
     """Gaps between driven bodies and the simulated ones that they carry or push, by the name of the root."""
     nearest: dict[str, Array] = {}
-    for pair in context.met[0]:
+    for pair in context.pair_rows:
         if {context.kind[body] for body in pair} == {"driven", "simulated"}:
             gap = np.where(_loaded(context, pair), context.distances.distance[pair], np.inf)
             name = context.owner_pair(*pair)
@@ -79,23 +79,19 @@ def _carried_gaps(context: Context) -> dict[str, Value]:
 
 def _loaded(context: Context, pair: tuple[int, int]) -> Mask:
     """Frames (f,) before and after which the engine reports normal impulses of a pair."""
-    met, which = context.met
     steps = np.zeros(len(context.recording.time) + 1, dtype=bool)
-    if pair in met:
-        pressing = context.impulses[0] > context.least_impulse
-        steps[1 + context.contact_frame[pressing & (which == met.index(pair))]] = True
+    if pair in context.pair_rows:
+        rows = context.pair_rows[pair]
+        pressing = context.impulses[0][rows] > context.least_impulse[rows]
+        steps[1 + context.contact_frame[rows[pressing]]] = True
     return steps[:-1] & steps[1:]
 
 
 def _resting_gaps(context: Context) -> dict[str, float]:
     found: dict[str, float] = {}
     joined = {name for joint in context.scenario.body_joints for name in (joint.parent, joint.child)}
-    for pair, distance in sorted(
-        context.distances.distance.items(), key=lambda item: _mover(context, item[0])
-    ):
-        body = _mover(context, pair)
-        if body < 0:
-            continue
+    rests = [(_mover(context, pair), pair, d) for pair, d in context.distances.distance.items()]
+    for body, pair, distance in sorted((one for one in rests if one[0] >= 0), key=lambda one: one[0]):
         other = sum(pair) - body
         normal = context.distances.normal[pair]
         carried = context.material_velocity(other, context.mass_centers[:, body], normal)

@@ -124,9 +124,9 @@ def energy_ledger(context: Context) -> Values:
 
 def _stores(context: Context, bodies: list[int]) -> Array:
     """Mask of the frames in which a body overlaps by more than STORING: a soft contact stores energy."""
-    stores = np.zeros(len(context.recording.time), dtype=bool)
-    for (a, b), distance in context.distances.distance.items():
-        if a in bodies or b in bodies:
+    stores, chosen = np.zeros(len(context.recording.time), dtype=bool), set(bodies)
+    for pair, distance in context.distances.distance.items():
+        if not chosen.isdisjoint(pair):
             stores |= distance < -STORING
     return stores
 
