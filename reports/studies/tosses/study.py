@@ -98,7 +98,7 @@ def _panel(axes: Axes, rows: pd.DataFrame, factor: float) -> None:
         low, value, high = (factor * part[name].to_numpy(dtype=float) for name in ("low", "value", "high"))
         if engine == "floor":
             axes.plot(time, value, "--", color=INK, linewidth=2)
-            said.append(("best e and mu of each toss", value[-1], INK, -44))
+            said.append(("best e and mu of each toss", value[len(value) // 2 :].min(), INK, -18))
         elif profile.endswith(OWN):
             if engine == "reference":
                 axes.plot(time, value, ":", color=PALE, linewidth=2)
