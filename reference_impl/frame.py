@@ -82,9 +82,9 @@ from touchstone.reference_impl.solver.tolerances import NEWTON_WORK
 
 DENSE_CALM = 4
 """Events of a crowded frame from which the next one is crowded from its start."""
-UNPAID_ATTEMPTS, UNPAID_SHARE, UNPAID_FALL = 4, 0.25, 0.5
-"""Most repetitions of a substep that adds energy that no motion pays, the share of its length that each
-takes, and the share of that energy above which its length is not the cause [1]."""
+UNPAID_ATTEMPTS, UNPAID_SHARE = 4, 0.25
+"""Most repetitions of a substep whose separation adds energy that no motion pays, and the share of its length
+that each takes [1]."""
 SINKING_HALVINGS = 2
 """Most halvings of a substep for a contact that agrees at its end alone, and sinks there."""
 WAY_ERROR = 1e-7
@@ -262,7 +262,7 @@ def _simulate(world):
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
         # bodies sink less in a shorter substep, and separation lifts them less
-        early, sunk, unpaid, length = False, 0, 0.0, h
+        early, sunk = False, 0
         for _ in range(UNPAID_ATTEMPTS):
             if state["halves"] == 1:
                 # what is jammed sinks however short the substep
@@ -273,13 +273,8 @@ def _simulate(world):
                 # such forces are exact at the end of a substep, not within
                 early = True
                 h *= fraction
-            elif state["unpaid_energy"] > 0 and not unpaid < 0:
-                if unpaid > 0 and state["unpaid_energy"] > UNPAID_FALL * unpaid:
-                    # a shorter substep does not mend it
-                    h, unpaid = length, -1.0
-                else:
-                    length, unpaid = h * fraction, state["unpaid_energy"]
-                    h *= UNPAID_SHARE * fraction
+            elif state["unpaid_energy"] > 0:
+                h *= UNPAID_SHARE * fraction
             else:
                 break
             begin_again(bodies, joints, drivers)

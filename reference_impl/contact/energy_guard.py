@@ -16,6 +16,7 @@ or down.
 
 from math import sqrt
 
+from touchstone.reference_impl.contact.end_correction import END_ERROR
 from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.contact.separation import kinetic_energy
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
@@ -29,6 +30,7 @@ from touchstone.reference_impl.core.conventions import (
     SIMULATED,
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import dot
 from touchstone.reference_impl.solver.islands import (
     is_head,
     is_joined,
@@ -312,5 +314,10 @@ def _slow_all(bodies, joints, drivers, b, island, state):
     if island["counted"] == 0 and excess > 0:
         island["counted"] = 1
         state["guarded_energy"] += excess
-        if excess - loose > UNPAID_ROUNDING * island["scale"]:
+        rounding = UNPAID_ROUNDING * island["scale"]
+        if state["mechanisms"] == 1:
+            # the law of positions lifts what has sunk by the error of a gap, in a substep of any length
+            g = state["gravity"]
+            rounding += END_ERROR * island["mass"] * sqrt(dot(g, g))
+        if excess - loose > rounding:
             state["unpaid_energy"] += excess - loose

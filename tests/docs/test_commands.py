@@ -234,7 +234,11 @@ def test_the_table_of_readme_is_what_its_command_prints(tmp_path, monkeypatch):
     """Figures agree to two digits; below 1e-9 all are rounding."""
     monkeypatch.setenv("COLUMNS", "120")
     readme = (ROOT / "README.md").read_text("utf-8").partition("## What a run prints")[2]
-    (command,) = [one for one in ALL if one.text.startswith("touchstone run slip --profile balanced")]
+    (command,) = [
+        one
+        for one in ALL
+        if one.text.startswith("touchstone run slip --profile balanced --profile recommended --metric")
+    ]
     printed, shown = (
         cells(play(tmp_path, command.arguments).stdout),
         cells(readme.partition("`truth.position`")[0]),

@@ -234,22 +234,25 @@ def test_a_body_too_light_for_its_joints_is_refused(robot):
 
 @pytest.mark.skipif(folders()["pybullet"] is None, reason="pybullet is not installed")
 def test_wheels_of_a_robot_roll():
-    """A car that is pushed with its wheels at rest spins them up: v = v_0 / (1 + sum I / (m r^2)) = w r."""
+    """A car that is pushed with its wheels at rest spins them up: v = v_0 / (1 + sum I / (m r^2)) = w r.
+
+    Its free steering, which the start turns by some 1e-5 rad, scrubs later.
+    """
     path = folders()["pybullet"] / "racecar/racecar.urdf"
     found = imported(path, "robot", allow_paths=True, simulated=Simulated()).scenario
     pushed = [
         replace(body, linear_velocity=(1.0, 0.0, 0.0)) if body.kind == "simulated" else body
         for body in found.bodies
     ]
-    scene = replace(found, bodies=tuple(pushed), duration=1.0)
+    scene = replace(found, bodies=tuple(pushed), duration=0.1)
     wheels = [k for k, body in enumerate(scene.bodies) if body.name.endswith("wheel")]
     (radius,) = {scene.bodies[k].pieces[0].shape.radius for k in wheels}
     spun = sum(scene.bodies[k].inertia[2][2] for k in wheels) / radius**2
     seen = record(load("reference"), scene, Settings("balanced", 1 / 60))
     speed = 1 / (1 + spun / sum(body.mass for body in scene.bodies))
     assert len(wheels) == 4
-    np.testing.assert_allclose(seen.angular_velocity[-1, wheels, 1] * radius, speed, rtol=1e-4)
-    np.testing.assert_allclose(seen.linear_velocity[-1, wheels, 0], speed, rtol=1e-4)
+    np.testing.assert_allclose(seen.angular_velocity[-1, wheels, 1] * radius, speed, rtol=2e-5)
+    np.testing.assert_allclose(seen.linear_velocity[-1, wheels, 0], speed, rtol=2e-5)
 
 
 STEP = 1 / 480
