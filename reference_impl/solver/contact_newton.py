@@ -209,7 +209,7 @@ def _solve_soft(solver, tolerance):
                 break
             fraction /= 2
         moved = _advance(solver, fraction)
-        # what the step leaves asks for one that is as much shorter as g has become
+        # the next step would be shorter by about the factor by which g has fallen
         if min(moved, moved * sqrt(changed / size) if size > 0 else 0.0) <= tolerance:
             return used, True
         size = changed

@@ -425,7 +425,7 @@ def store_island(bodies, joints, drivers, pairs, state):
             copy_vector(row["impulse"], pairs[row["pair"]]["resting_impulse"])
         else:
             joint = joints[-2 - row["pair"]]
-            # one at an instant tells nothing of those that last
+            # an impulse at one instant is no warm start of the force over a substep
             if drivers[bodies[joint["child"]]["driver"]]["lasting"] == 1:
                 joint["limit_impulse"] = row["impulse"][0]
     for k in range(solver["moment_count"]):
