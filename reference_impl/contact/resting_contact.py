@@ -520,8 +520,8 @@ def _solve_positions(world, count, h, again):
 
 @kernel
 def _mark_led(bodies, drivers, pairs, count):
-    """Mark the movers of the islands of drivers in the loop, and of curved contacts, as `led`; returns
-    whether there are any."""
+    """Mark the movers of the islands of drivers in the loop, and of curved contacts, and the links of such
+    drivers as `led`; returns whether there are any."""
     found = False
     join_islands(bodies, drivers, pairs, count, True)
     for b in range(len(bodies)):
@@ -538,8 +538,9 @@ def _mark_led(bodies, drivers, pairs, count):
                 m = mover_of(bodies, drivers, pairs[k]["body_a"] if side == 0 else pairs[k]["body_b"])
                 if m >= 0:
                     bodies[m]["led"] = 1
+    # links move as their root does
     for b in range(len(bodies)):
-        if is_joined(bodies, drivers, b):
+        if bodies[b]["driver"] >= 0:
             bodies[b]["led"] = bodies[drivers[bodies[b]["driver"]]["root"]]["led"]
     return found
 
