@@ -22,6 +22,7 @@ from touchstone.scenarios.scenario import (
     IDENTITY,
     Body,
     Box,
+    Joint,
     PairCoefficients,
     Piece,
     Scenario,
@@ -62,6 +63,7 @@ def play(
     pad: float = 0.5,
     wood: float = 0.3,
     gravity: tuple[float, float, float] = (0.0, 0.0, -GRAVITY),
+    joints: tuple[Joint, ...] = (),
 ) -> Recording:
     """Play plates of `pad` among bodies of `wood`."""
     scenario = Scenario(
@@ -76,6 +78,7 @@ def play(
             PairCoefficients("pad", "pad", 0.0, pad),
         ),
         trackers=trackers,
+        joints=joints,
         gravity=gravity,
         frame_rate=rate,
     )
@@ -237,3 +240,21 @@ def test_a_heavy_body_pushes_a_light_plate_away() -> None:
     path = tracker("plate", lambda t: (0, 0, 0.1), 1.0, 10.0, 0.1)
     found = play((slab("ground", "wood"), fast, plate("plate", (0.02, 0.05, 0.05), 0.1)), (path,), wood=0.0)
     assert found.position[:, 2, 0].max() > 2
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_loaded_hand_stands_on_its_finger(profile: str) -> None:
+    """A box of 1 kg on a palm of 1000 N/m lowers it by 1 mm, until the finger stands on the ground."""
+    finger = plate("finger", (0.01, 0.01, 0.02), 0.1)
+    hinge = Joint("knuckle", "palm", "finger", (0.0, 0.0, -0.05), (0.0, 1.0, 0.0), IDENTITY, -1.0, 1.0)
+    times, place = (0.0, 2.0), (0.0, 0.0, 0.071)
+    hand = Tracker(
+        "palm", ("knuckle",), times, (place,) * 2, (IDENTITY,) * 2, ((0.0,),) * 2, stiffness=1e3, damping=40.0
+    )
+    load = block("load", "wood", (0.02, 0.02, 0.02), 1.0, (0.0, 0.0, place[2] + 0.041))
+    bodies = (slab("ground", "wood"), plate("palm", (0.03, 0.03, 0.02), 0.3), finger, load)
+    found = play(bodies, (hand,), profile=profile, joints=(hinge,))
+    assert found.position[-1, 1, 2] == pytest.approx(place[2] - 0.001, abs=2e-6)
+    assert np.ptp(found.position[-60:], axis=0).max() < 1e-9
+    events = found.work[:, found.work_names.tolist().index("events")]
+    assert events[-60:].max() == 0
