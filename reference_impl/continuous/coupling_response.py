@@ -3,6 +3,7 @@
 from math import cos, cosh, exp, expm1, sin, sinh, sqrt
 
 from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import plus, rate_of, spin_of, turned_by, vector_of
 
 NEAR_CRITICAL = 1e-5
 """(w h)^2 below which three terms give a nearly critical spring to rounding: the next is 1e-15 / 720 [1]."""
@@ -43,6 +44,27 @@ def decay(x, v, stiffness, damping, h):
         c, s = cosh(w * h), sinh(w * h) / w
     e = exp(-half * h)
     return e * (x * c + (v + half * x) * s), e * (v * c - (half * v + stiffness * x) * s)
+
+
+@kernel
+def decay_turn(error, omega, pace, stiffness, h):
+    """Solve Eq. 6 for the rotation vector `error` from a goal, critically damped, over a time h; in place.
+
+    Args:
+        error: rotation vector from the goal to the body (3,) [rad].
+        omega: angular velocity of the body (3,) [rad/s].
+        pace: that of the goal, which is constant; a tuple.
+        stiffness, h: as in `decay`.
+    Returns:
+        Angular velocity of the body at the end.
+    """
+    e, damping = vector_of(error), 2 * sqrt(stiffness)
+    rate = rate_of(e, plus(omega, -1.0, turned_by(e, pace)))
+    x, p = decay(e[0], rate[0], stiffness, damping, h)
+    y, q = decay(e[1], rate[1], stiffness, damping, h)
+    z, r = decay(e[2], rate[2], stiffness, damping, h)
+    error[0], error[1], error[2] = x, y, z
+    return plus(turned_by((x, y, z), pace), 1.0, spin_of((x, y, z), (p, q, r)))
 
 
 @kernel

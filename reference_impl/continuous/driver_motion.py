@@ -23,7 +23,7 @@ Leimkuhler & Gupta 1985).
 
 from math import sqrt
 
-from touchstone.reference_impl.continuous.coupling_response import decay, unit_response
+from touchstone.reference_impl.continuous.coupling_response import decay, decay_turn, unit_response
 from touchstone.reference_impl.continuous.hinge_motion import (
     advance_hinges,
     ask_limits,
@@ -57,6 +57,7 @@ from touchstone.reference_impl.core.rotation import (
     copy_vector,
     invert_symmetric,
     rotation_between,
+    times,
     turn,
 )
 from touchstone.reference_impl.kinematics.skeleton import link_of, move_links, pose_links
@@ -348,10 +349,8 @@ def _advance(joints, driver, t, h, dt, share):
         x, v = decay(x, v, stiffness, damping, t)
         driver["position"][i] = goal + pace * t + x
         driver["velocity"][i] = pace + v
-        error[i], v = decay(
-            error[i], driver["old_omega"][i] - turned[i] / dt, stiffness, 2 * sqrt(stiffness), t
-        )
-        driver["omega"][i] = turned[i] / dt + v
+    w = driver["omega"]
+    w[0], w[1], w[2] = decay_turn(error, driver["old_omega"], times(1 / dt, turned), stiffness, t)
     part = (driver["clock"] + t) / dt
     x, y, z = part * turned[0], part * turned[1], part * turned[2]
     turn(driver["goal_start_orientation"], x, y, z, driver["orientation"])

@@ -6,6 +6,8 @@ from touchstone.reference_impl.core.kernel import kernel
 
 SMALL_ANGLE = 1e-8
 """Angle below which sin(x) / x is 1 to rounding [rad]."""
+SMALL_SQUARE = 1e-6
+"""Square of an angle below which two terms of the series of a Jacobian leave 1e-15 [rad^2]."""
 
 
 @kernel
@@ -177,3 +179,37 @@ def column(m, j, v):
 def row(m, i, v):
     """Component i of m v."""
     return m[i, 0] * v[0] + m[i, 1] * v[1] + m[i, 2] * v[2]
+
+
+@kernel
+def spin_of(v, rate):
+    """Angular velocity of exp(v) for a rotation vector v that changes at a rate: J rate, with the left
+    Jacobian J = I + b [v] + c [v]^2 of rotations."""
+    square = dot(v, v)
+    if square < SMALL_SQUARE:
+        b, c = 0.5 - square / 24, 1 / 6 - square / 120
+    else:
+        angle = sqrt(square)
+        b, c = (1 - cos(angle)) / square, (1 - sin(angle) / angle) / square
+    x = cross(v, rate)
+    return plus(plus(rate, b, x), c, cross(v, x))
+
+
+@kernel
+def rate_of(v, spin):
+    """Rate of a rotation vector v at which exp(v) has an angular velocity: J^-1 spin, the inverse of
+    `spin_of` for angles below 2 pi."""
+    square = dot(v, v)
+    if square < SMALL_SQUARE:
+        c = 1 / 12 + square / 720
+    else:
+        half = sqrt(square) / 2
+        c = (1 - half * cos(half) / sin(half)) / square
+    x = cross(v, spin)
+    return plus(plus(spin, -0.5, x), c, cross(v, x))
+
+
+@kernel
+def turned_by(v, u):
+    """A vector u turned by the rotation vector v: u + [v] J u."""
+    return plus(u, 1.0, cross(v, spin_of(v, u)))

@@ -2,9 +2,9 @@
 
 from math import sqrt
 
-from touchstone.reference_impl.continuous.coupling_response import decay
+from touchstone.reference_impl.continuous.coupling_response import decay, decay_turn
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import copy_vector, rotation_between, turn
+from touchstone.reference_impl.core.rotation import copy_vector, rotation_between, times, turn
 
 COUPLING_REACH = 0.5
 """Distance of a driver with chains from its tracker beyond which the coupling pulls no stronger [m]."""
@@ -52,9 +52,6 @@ def _follow_rotation(driver, stiffness, h):
     turned, error = driver["scratch"][0], driver["scratch"][1]
     rotation_between(driver["old_target_orientation"], driver["target_orientation"], turned)
     rotation_between(driver["old_target_orientation"], driver["orientation"], error)
-    for i in range(3):
-        pace = turned[i] / h
-        rate = driver["omega"][i] - pace
-        error[i], rate = decay(error[i], rate, stiffness, 2 * sqrt(stiffness), h)
-        driver["omega"][i] = pace + rate
+    w = driver["omega"]
+    w[0], w[1], w[2] = decay_turn(error, w, times(1 / h, turned), stiffness, h)
     turn(driver["target_orientation"], error[0], error[1], error[2], driver["orientation"])

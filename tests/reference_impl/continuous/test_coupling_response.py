@@ -6,8 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
 
-from touchstone.reference_impl.continuous.coupling_response import decay, unit_response
+from touchstone.reference_impl.continuous.coupling_response import decay, decay_turn, unit_response
 
 LOGARITHM = st.floats(-1, 1)
 
@@ -32,3 +33,30 @@ def test_a_force_that_balances_the_spring_moves_nothing(h: float, k: float, r: f
     moved, speed = unit_response(k, r, h)
     np.testing.assert_allclose(x + moved * k * 0.01, 0.01, rtol=1e-9)
     np.testing.assert_allclose(v + speed * k * 0.01, 0.0, atol=1e-9 * k * h * 0.01)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 1000), st.floats(1e-3, 3.0))
+def test_a_turning_driver_moves_as_its_angular_velocity_says(seed: int, angle: float) -> None:
+    """However far it is turned from its goal, at the start and at the end of a time; and two times follow each
+    other as one."""
+    rng = np.random.default_rng(seed)
+    axis, omega, pace = rng.normal(size=(3, 3)) * ((1.0,), (30.0,), (5.0,))
+    error = angle * axis / np.linalg.norm(axis)
+
+    def after(t: float) -> tuple[Rotation, np.ndarray, np.ndarray]:
+        """Orientation, angular velocity and rotation vector from the goal after a time t."""
+        e = error.copy()
+        w = np.array(decay_turn(e, omega, tuple(pace), 400.0, t))
+        return Rotation.from_rotvec(e) * Rotation.from_rotvec(t * pace), w, e
+
+    step = 1e-7
+    for t in (0.0, 0.01):
+        (start, before, _), (end, later, _) = after(t), after(t + step)
+        turned = (end * start.inv()).as_rotvec() / step
+        np.testing.assert_allclose(turned, (before + later) / 2, atol=1e-5 * np.linalg.norm(before))
+    _, w, e = after(0.01)
+    w = np.array(decay_turn(e, w, tuple(pace), 400.0, 0.02))
+    _, whole, kept = after(0.03)
+    np.testing.assert_allclose(e, kept, atol=1e-11)
+    np.testing.assert_allclose(w, whole, atol=1e-9)
