@@ -24,7 +24,13 @@ class ShownBar:
 
     def __init__(self, total: int) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
         from rich.progress import Progress as Bar
 
         columns = (
@@ -65,8 +71,8 @@ def stepping_aside(progress: Progress) -> Iterator[None]:
 
 @contextmanager
 def lines(by_scene: bool = False) -> Iterator[Progress]:
-    """One line per task, or with `by_scene` one per scene, an estimate of a long run's time, and now and then a
-    line while an engine compiles."""
+    """One line per task, or with `by_scene` one per scene, an estimate of a long run's time, and now and then
+    a line while an engine compiles."""
     seen: set[str] = set()
     compiling = -inf
 

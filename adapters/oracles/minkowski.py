@@ -145,7 +145,8 @@ def _smooth_distance(a: Piece, b: Piece) -> tuple[float, Array]:
             # at a distance near rounding, the face has the better normal
             if (out := point(way)) @ way < new @ normal:
                 new, normal = out, way
-        # bounds of the distance: that along the normal, and that of the hull; a point that is there changes neither
+        # bounds of the distance: that along the normal, and that of the hull; a point that is there changes
+        # neither
         is_there = (np.array(points) == new).all(axis=1).any()
         if abs(found + new @ normal) <= CONVERGED * size or is_there or len(points) == MOST_POINTS:
             return -float(new @ normal), normal

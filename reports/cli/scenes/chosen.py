@@ -63,8 +63,8 @@ def _tell(lines: Iterable[str]) -> None:
 
 
 def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
-    """One line per tracker that holds its last valid sample, per path that leaves its keyframes, and per scene
-    in which bodies overlap at the start."""
+    """One line per tracker that holds its last valid sample, per path that leaves its keyframes, and per
+    scene in which bodies overlap at the start."""
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.scenarios.avatar.tracking import swings
 

@@ -43,7 +43,8 @@ def test_a_long_run_is_told_by_its_first_frames(clock):
 
 
 def test_a_short_run_is_played(clock):
-    """What ends within the hour, or before FIRST_SECONDS, has all its progress, and above a minute an estimate."""
+    """What ends within the hour, or before FIRST_SECONDS, has all its progress; above a minute, an
+    estimate."""
     assert len(played(30 * 60)) == 80
     assert ("about 49.8 minutes for 90000 frames", 0) in played(30 * 3000)
     assert len(played(10**12, calls=5)) == 10

@@ -126,8 +126,8 @@ def test_the_reference_is_exact_on_all_shapes(monkeypatch, tmp_path):
 
 
 def test_the_reference_is_exact_on_public_reports(monkeypatch, tmp_path):
-    """Every pair has a source and a name of its own; the reference is exact to rounding. In `drake_21234` bodies
-    touch to 3e-11 m: the direction from the nearest point of a hull is rounding there."""
+    """Every pair has a source and a name of its own; the reference is exact to rounding. In `drake_21234`
+    bodies touch to 3e-11 m: the direction from the nearest point of a hull is rounding there."""
     for name in DETECTORS.keys() - {"reference.exact"}:
         monkeypatch.delitem(DETECTORS, name)
     pairs = read_pairs(REPORTS)
@@ -142,9 +142,20 @@ def test_the_reference_is_exact_on_public_reports(monkeypatch, tmp_path):
     assert errors[smooth].max() < 1e-8  # qhull's planes are exact to 1e-10
     assert set(mine.reason) == {""}
     stated = {
-        **{"fcl_508": 3.0, "fcl_275": 10.0, "fcl_127": 3.0, "fcl_568": -6.0, "fcl_628": -0.2, "fcl_375": 0.0},
-        **{"mujoco_2206": -0.01, "mujoco_1473": 0.6, "mujoco_1857": 0.035, "mujoco_2710": 0.1},
-        **{"libccd_25": -0.1, "opengjk_52": -300.0, "parry_315": 0.0, "python_fcl_68": 0.1},
+        "fcl_508": 3.0,
+        "fcl_275": 10.0,
+        "fcl_127": 3.0,
+        "fcl_568": -6.0,
+        "fcl_628": -0.2,
+        "fcl_375": 0.0,
+        "mujoco_2206": -0.01,
+        "mujoco_1473": 0.6,
+        "mujoco_1857": 0.035,
+        "mujoco_2710": 0.1,
+        "libccd_25": -0.1,
+        "opengjk_52": -300.0,
+        "parry_315": 0.0,
+        "python_fcl_68": 0.1,
     }
     truth = frame[frame.engine == "minkowski"].set_index("scenario").value
     for name, distance in stated.items():
