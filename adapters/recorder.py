@@ -30,7 +30,7 @@ from touchstone.adapters.engines.entry import ENGINES
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recording import Recording, RunEnded
 from touchstone.adapters.step_log import StepLog
-from touchstone.scenarios.effects import EFFECT_TABLE
+from touchstone.scenarios.effects import EFFECT_TABLE, PLANNED
 from touchstone.scenarios.files.write import scene_data
 from touchstone.scenarios.places import coinciding
 from touchstone.scenarios.plan import Decision, Plan
@@ -117,8 +117,9 @@ def planned_for(engine: str, scenario: Scenario, settings: Settings) -> tuple[Sc
     """The scene and the settings that an engine of this name gets, and the plan."""
     plan = planned(scenario, settings.effects)
     applied = plan.applied(scenario, fixed_pieces=_keeps_fixed_pieces(engine))
+    whole = bool(plan.removed) or set(PLANNED) <= set(settings.effects or ())  # no bound of the plan holds
     left = dataclasses.replace(
-        settings, skipped=plan.skipped, fat_bounds=settings.effects is None, sleeping=plan.on("sleeping")
+        settings, skipped=plan.skipped, fat_bounds=not whole, sleeping=plan.on("sleeping")
     )
     return applied, left, plan
 

@@ -11,6 +11,8 @@ from time import monotonic
 Progress = Callable[[str, int], None]
 SCENE = "scene "
 """Start of the label that announces a scene."""
+ABOUT = "about "
+"""Start of the label that says how long a run may take."""
 COMPILING = "compiling "
 """Start of the label that says how far an engine's compilation is."""
 COMPILING_SECONDS = 15.0
@@ -18,11 +20,17 @@ COMPILING_SECONDS = 15.0
 
 
 class ShownBar:
-    """A bar on a terminal, with the current task and the elapsed time; called as a Progress."""
+    """A bar on a terminal, with the current task, elapsed and remaining time; called as a Progress."""
 
     def __init__(self, total: int) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
         from rich.progress import Progress as Bar
 
         columns = (
@@ -30,6 +38,7 @@ class ShownBar:
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
+            TimeRemainingColumn(),
         )
         # Without the last option rich would send standard output, the program's own, to this console.
         self.shown = Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False)
@@ -62,7 +71,8 @@ def stepping_aside(progress: Progress) -> Iterator[None]:
 
 @contextmanager
 def lines(by_scene: bool = False) -> Iterator[Progress]:
-    """One line per task, or with `by_scene` one per scene, and now and then one while an engine compiles."""
+    """One line per task, or with `by_scene` one per scene, an estimate of a long run's time, and now and then
+    a line while an engine compiles."""
     seen: set[str] = set()
     compiling = -inf
 
@@ -72,7 +82,7 @@ def lines(by_scene: bool = False) -> Iterator[Progress]:
             if monotonic() < compiling + COMPILING_SECONDS:
                 return
             compiling = monotonic()
-        elif by_scene and not label.startswith(SCENE):
+        elif by_scene and not label.startswith((SCENE, ABOUT)):
             return
         if label not in seen:
             with suppress(OSError):  # results do not depend on who reads this

@@ -139,11 +139,16 @@ def _smooth_distance(a: Piece, b: Piece) -> tuple[float, Array]:
         size = float(np.abs(points).max())
         nearest = int(hull.equations[:, 3].argmax())
         found, normal = float(hull.equations[nearest, 3]), hull.equations[nearest, :3]
-        if found > ON_SURFACE * size:
-            found, normal = _outside(np.array(points)[hull.vertices])
         new = point(normal)
-        # bounds of the distance: that along the normal, and that of the hull
-        if abs(found + new @ normal) <= CONVERGED * size or len(points) == MOST_POINTS:
+        if found > ON_SURFACE * size:
+            found, way = _outside(np.array(points)[hull.vertices])
+            # at a distance near rounding, the face has the better normal
+            if (out := point(way)) @ way < new @ normal:
+                new, normal = out, way
+        # bounds of the distance: that along the normal, and that of the hull; a point that is there changes
+        # neither
+        is_there = (np.array(points) == new).all(axis=1).any()
+        if abs(found + new @ normal) <= CONVERGED * size or is_there or len(points) == MOST_POINTS:
             return -float(new @ normal), normal
         points.append(new)
 

@@ -22,6 +22,7 @@ from touchstone.adapters.oracles.near_pairs import blocks, near_pairs
 from touchstone.adapters.recording import Recording
 from touchstone.scenarios.scenario import (
     HALF_SPACE_REACH,
+    TRACKED,
     Box,
     Capsule,
     Cone,
@@ -39,6 +40,8 @@ from touchstone.scenarios.solids import core_vertices
 
 Pose = tuple[Array, Array]
 """Rotation matrix (3, 3) and position (3,)."""
+DEEP = 1e-4
+"""Overlap at the start that is said [m]: wider than the gaps that an exporter's digits leave."""
 MARGIN = 0.02
 """Distance within which pieces are candidates [m]: wider than the collision margin of any engine."""
 TOLERANCE = 1e-8
@@ -82,7 +85,18 @@ class Distances:
 
 def measure(recording: Recording, scenario: Scenario, asked: Iterable[tuple[int, int]] = ()) -> Distances:
     """Distances of all body pairs that may touch, in every frame; `asked` pairs are always computed."""
-    return _Oracle(scenario, set(asked)).run(recording)
+    return _Oracle(scenario, set(asked)).run(recording.position, recording.orientation)
+
+
+def overlaps_at_start(scenario: Scenario) -> list[tuple[int, int, float]]:
+    """Pairs of fixed and simulated bodies that may touch and overlap by more than DEEP at the start, and how
+    deep [m], the deepest first."""
+    position = np.array([[body.position for body in scenario.bodies]], dtype=float)
+    orientation = np.array([[body.orientation for body in scenario.bodies]], dtype=float)
+    found = _Oracle(scenario, set()).run(position, orientation).distance
+    placed = [body.kind not in TRACKED for body in scenario.bodies]
+    deep = [(a, b, -float(d[0])) for (a, b), d in found.items() if d[0] < -DEEP and placed[a] and placed[b]]
+    return sorted(deep, key=lambda pair: -pair[2])
 
 
 class _Oracle:
@@ -109,15 +123,16 @@ class _Oracle:
         self.may_meet = touch[self.body[:, None], self.body] & ~always[self.body[:, None], self.body]
         self.always = np.argwhere(np.triu(always[self.body[:, None], self.body], 1)).tolist()
 
-    def run(self, recording: Recording) -> Distances:
-        frames = len(recording.time)
+    def run(self, position: Array, orientation: Array) -> Distances:
+        """Distances over frames of the bodies' positions (f, b, 3) [m] and orientations (f, b, 4)."""
+        frames = len(position)
         # Pairs that are never near share arrays that nothing writes to.
         far, nowhere = np.full(frames, np.inf), np.full((frames, 3), np.nan)
         far.flags.writeable = nowhere.flags.writeable = False
         distance = dict.fromkeys(self.pairs, far)
         normal, point = dict.fromkeys(self.pairs, nowhere), dict.fromkeys(self.pairs, nowhere)
         for block in blocks(frames, len(self.body)):
-            turned, origin = self._poses(recording, block)
+            turned, origin = self._poses(position[block], orientation[block])
             for p, q, near in self._candidates(turned, origin):
                 pair = (int(self.body[p]), int(self.body[q]))
                 if distance[pair] is far:
@@ -135,13 +150,13 @@ class _Oracle:
                 normal[pair][rows], point[pair][rows] = found.normal[better], found.point[better]
         return Distances(distance, normal, point)
 
-    def _poses(self, recording: Recording, frames: slice) -> tuple[Array, Array]:
+    def _poses(self, position: Array, orientation: Array) -> tuple[Array, Array]:
         """Rotations (f, p, 3, 3) and origins (f, p, 3) [m] of all pieces."""
-        count = recording.position.shape[1]
-        flat = recording.orientation[frames].reshape(-1, 4)
+        count = position.shape[1]
+        flat = orientation.reshape(-1, 4)
         bodies = Rotation.from_quat(flat, scalar_first=True).as_matrix().reshape(-1, count, 3, 3)
         turned = bodies[:, self.body]
-        origin = recording.position[frames][:, self.body]
+        origin = position[:, self.body]
         moved = np.flatnonzero(self.own_position.any(axis=1))
         origin[:, moved] += np.einsum("fpij,pj->fpi", turned[:, moved], self.own_position[moved])
         rotated = np.flatnonzero((self.own_rotation != np.eye(3)).any(axis=(1, 2)))

@@ -49,7 +49,7 @@ from touchstone.reports.cli.scenes.chosen import (
     limits_for,
     metrics_for,
     scenarios_for,
-    tracker_notes,
+    scene_notes,
 )
 from touchstone.reports.cli.scenes.exporting import export, schema
 from touchstone.reports.cli.scenes.reproducing import reproduce
@@ -200,7 +200,7 @@ def run(
         tracker=tracker,
         limits=limits_for(limits, scenarios),
     )
-    for line in [] if quiet else tracker_notes(scenarios):
+    for line in [] if quiet else scene_notes(scenarios):
         print(line, file=sys.stderr)
     broken: list[BaseException] = []
     in_full = details or bool(metric) or len(scenarios) == 1
@@ -327,7 +327,7 @@ def show(
     if cost and not effects:
         stop("--cost is a column of --effects; name both", BAD_INPUT)
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
-    for line in tracker_notes([chosen]):
+    for line in scene_notes([chosen]):
         print(line, file=sys.stderr)
     if others:
         stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one", BAD_INPUT)

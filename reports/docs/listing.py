@@ -234,7 +234,7 @@ def effect_rows(scenario: Scenario, measured: bool = False) -> list[dict[str, ob
 
         found = costs(scenario)
         for row, one in zip(rows, decisions):
-            row["cost [%]"] = f"{100 * found[one.effect]:.0f}" if one.effect in found else ""
+            row["cost [%]"] = str(round(100 * found[one.effect])) if one.effect in found else ""
     return [row | {"because": one.reason} for row, one in zip(rows, decisions)]
 
 

@@ -16,7 +16,7 @@ from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, changes_of
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course
-from touchstone.reports.progress import Progress
+from touchstone.reports.progress import ABOUT, Progress
 from touchstone.reports.results import Row
 from touchstone.reports.verdict.limits import Limit
 from touchstone.reports.verdict.unresolved import warning
@@ -26,11 +26,13 @@ NUMBERS_OF_A_BODY = 13
 """Numbers per body and frame in a recording [1]: pose and velocities."""
 FIRST_SECONDS = 10.0
 """Time of the first frames, by which the whole run is estimated [s]."""
+TOLD = 60.0
+"""Time of a run above which its estimate is said [s]."""
 LONGEST = 3600.0
 """Time of a run above which it must be asked for [s]: the catalogue takes minutes."""
 STUDY_LONGEST = 12 * 3600.0
 """The same of a study, a sweep or a bench [s]: a night."""
-UNITS = (("years", 365 * 86400.0), ("days", 86400.0), ("hours", 3600.0), ("seconds", 1.0))
+UNITS = (("years", 365 * 86400.0), ("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0), ("seconds", 1.0))
 
 
 class TooLargeError(ValueError):
@@ -54,8 +56,8 @@ def check_memory(scenarios: Sequence[Scenario], columns: int) -> None:
 
 
 def limited(progress: Progress, total: int, longest: float | None = None, unit: str = "frames") -> Progress:
-    """A progress over `total` frames, or other units; raises TooLargeError where these would take more than
-    `longest` [s] (LONGEST) on an idle machine."""
+    """A progress over `total` frames, or other units, which says an estimate of their time after the first;
+    raises TooLargeError where they would take more than `longest` [s] (LONGEST) on an idle machine."""
     most = LONGEST if longest is None else longest
     began, done, judged = 0.0, 0, False
 
@@ -75,6 +77,8 @@ def limited(progress: Progress, total: int, longest: float | None = None, unit: 
             left = elapsed / done * (total - done) / _crowd()
             if left > most:
                 raise TooLargeError(f"{total} {unit} would take about {_words(left)}; --yes plays them")
+            if left > TOLD:
+                progress(f"{ABOUT}{_words(left)} for {total} {unit}", 0)
 
     return step
 

@@ -142,15 +142,24 @@ def toggles(scenario: Scenario) -> dict[str, tuple[str, ...]]:
 
 def costs(scenario: Scenario, passes: int = PASSES) -> dict[str, float]:
     """What each effect costs on the reference in a scene, relative to the time of its plan [1]: what a frame
-    takes longer with it than without. Effects that the scene cannot be played without are absent."""
-    wanted = toggles(scenario)
-    settings = [own_settings(REFERENCE, effects=effects) for effects in (None, *wanted.values())]
-    _, *variants = play(load(REFERENCE), scenario, settings, np.inf, passes)
-    found = {}
-    for name, variant in zip(wanted, variants):
-        if not variant.ended:
-            change = float(variant.pace.net.mean() / variant.beside.net.mean()) - 1
-            found[name[1:]] = -change if name.startswith("-") else change
+    takes longer with it than without. Effects that the scene cannot be played without are absent.
+
+    An effect that the plan lacks is added to it. One that it has is left out of all effects: without it the
+    bounds of the plan do not hold, so that the plan and what is left of it test different pairs.
+    """
+    named = toggles(scenario)
+    added = {name[1:]: effects for name, effects in named.items() if name.startswith("+")}
+    left = {name[1:]: tuple(e for e in PLANNED if e != name[1:]) for name in named if name.startswith("-")}
+    groups = [(None, added | {ALL: PLANNED}, 1), (PLANNED, left, -1)]
+    found, frame = {}, np.nan
+    for first, others, sign in groups:
+        settings = [own_settings(REFERENCE, effects=effects) for effects in (first, *others.values())]
+        _, *variants = play(load(REFERENCE), scenario, settings, np.inf, passes)
+        if first is None:
+            frame = float(variants[-1].beside.net.mean())
+        for name, one in zip(others, variants):
+            if not one.ended and name != ALL:
+                found[name] = sign * float(one.pace.net.mean() - one.beside.net.mean()) / frame
     return found
 
 

@@ -62,17 +62,31 @@ def _tell(lines: Iterable[str]) -> None:
         print(f"touchstone: {line}", file=sys.stderr)
 
 
-def tracker_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
-    """One line per tracker that holds its last valid sample, and per path that leaves its keyframes."""
+def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
+    """One line per tracker that holds its last valid sample, per path that leaves its keyframes, and per
+    scene in which bodies overlap at the start."""
+    from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.scenarios.avatar.tracking import swings
 
+    measures = not judge_faults()
     for scenario in scenarios:
+        if measures and (pairs := _overlaps(scenario)):
+            a, b, depth = pairs[0]
+            more = f", and {len(pairs) - 1} other pairs overlap" if len(pairs) > 1 else ""
+            names = f"{scenario.bodies[a].name} and {scenario.bodies[b].name}"
+            yield f"{scenario.name}: {names} overlap by {depth:.3g} m at the start{more}"
         for i, tracker in enumerate(scenario.trackers):
             place = f"{scenario.name}: trackers[{i}]"
             if tracker.held:
                 count = len(tracker.times)
                 yield f"{place} holds its last good sample at {tracker.held} of {count} keyframes"
             yield from (f'{place}: {line}; interpolation = "pchip" does not' for line in swings(tracker))
+
+
+def _overlaps(scenario: Scenario) -> list[tuple[int, int, float]]:
+    from touchstone.adapters.oracles.overlap import overlaps_at_start
+
+    return overlaps_at_start(scenario)
 
 
 def limits_for(path: Path | None, scenarios: Iterable[Scenario]) -> tuple[Limit, ...]:

@@ -50,6 +50,10 @@ def _change(context: Context) -> Array:
     for k, truth in context.truths.items():
         kinetic += _kinetic(context, k, truth.velocity, truth.orientation, truth.angular_velocity)
     free = energy[np.isfinite(energy)]
+    if not len(free):
+        raise NotMeasured(
+            f"bodies overlap by more than {STORING:g} m in every frame: contacts may store energy"
+        )
     return np.asarray((free - free[0]) / kinetic.max())
 
 

@@ -16,6 +16,7 @@ from touchstone.adapters.registry import ENGINES, OURS, available
 from touchstone.reports.docs.listing import engines, show_rows
 from touchstone.reports.metrics import METRICS
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.write import scene_data
 
 BALL = [{"name": "ball", "shape": {"radius": 0.05}}]
 
@@ -135,6 +136,24 @@ def test_show_says_where_a_path_leaves_its_keyframes(touchstone, tmp_path):
     (tmp_path / "hand.json").write_text(json.dumps(scene))
     line = "hand: trackers[0]: hand leaves its keyframes by 548 mm from 0.05 to 10 s; "
     assert touchstone("show", "hand.json")[2] == f'{line}interpolation = "pchip" does not\n'
+
+
+def test_bodies_that_overlap_at_the_start_are_named(touchstone, tmp_path):
+    """The pair with its depth, the radius less 0.5692 m; bodies with a common joint may overlap."""
+    scene = scene_data(catalogue()["slider_crank"])
+    scene["bodies"][0]["pieces"][0]["shape"]["radius"] = 0.6
+    (tmp_path / "crank.json").write_text(json.dumps(scene))
+    assert touchstone("show", "slider_crank")[2] == ""
+    code, _, err = touchstone("show", "crank.json")
+    assert (code, err) == (0, "slider_crank: crank and piston overlap by 0.0308 m at the start\n")
+
+
+def test_effects_that_a_person_lacks_cost_nothing(touchstone):
+    """A plan with one of them more keeps the fat bounds of the plan."""
+    rows = json.loads(touchstone("show", "two_arms", "--effects", "--cost", "--format", "json")[1])
+    lacking = [row["cost [%]"] for row in rows if row["plan"] == "not needed" and row["cost [%]"]]
+    assert len(lacking) >= 5
+    assert max(abs(float(one)) for one in lacking) < 20
 
 
 def test_effects_have_a_cost_here(touchstone):

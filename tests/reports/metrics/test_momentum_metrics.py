@@ -144,6 +144,15 @@ def test_where_work_is_done_nothing_is_measured(recordings, known, metric):
         known.value(metric, recordings.recording(scenario), scenario)
 
 
+def test_energy_of_bodies_that_always_overlap_is_not_measured(recordings, known):
+    """A cue ball inside another one in every frame: contacts may store energy all the time."""
+    scenario = catalogue()["break_15"]
+    position = np.tile([body.position for body in scenario.bodies], (scenario.frame_count + 1, 1, 1))
+    position[:, 0] = position[:, 1]
+    with pytest.raises(NotMeasured, match=r"overlap by more than 0\.0001 m in every frame"):
+        known.value("energy.gain", recordings.recording(scenario, position=position), scenario)
+
+
 FRAME = 1 / 60
 
 

@@ -43,15 +43,17 @@ def test_a_long_run_is_told_by_its_first_frames(clock):
 
 
 def test_a_short_run_is_played(clock):
-    """What ends within the hour, or before FIRST_SECONDS, has all its progress."""
-    assert len(played(30 * 3000)) == 80
+    """What ends within the hour, or before FIRST_SECONDS, has all its progress; above a minute, an
+    estimate."""
+    assert len(played(30 * 60)) == 80
+    assert ("about 49.8 minutes for 90000 frames", 0) in played(30 * 3000)
     assert len(played(10**12, calls=5)) == 10
 
 
 def test_a_loaded_machine_refuses_no_short_run(clock, monkeypatch):
     """Twenty processes on two processors: what takes five hours now takes half an hour without them."""
     monkeypatch.setattr("os.getloadavg", lambda: (20.0, 20.0, 20.0))
-    assert len(played(30 * 5 * 3600)) == 80
+    assert len(played(30 * 5 * 3600)) == 81
     with pytest.raises(TooLargeError, match=r"about 21\.6 hours"):
         played(30 * 9 * 86400)
 

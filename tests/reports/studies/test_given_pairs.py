@@ -126,18 +126,37 @@ def test_the_reference_is_exact_on_all_shapes(monkeypatch, tmp_path):
 
 
 def test_the_reference_is_exact_on_public_reports(monkeypatch, tmp_path):
-    """Every pair has a source and a name of its own; the reference is exact to rounding."""
+    """Every pair has a source and a name of its own; the reference is exact to rounding. In `drake_21234`
+    bodies touch to 3e-11 m: the direction from the nearest point of a hull is rounding there."""
     for name in DETECTORS.keys() - {"reference.exact"}:
         monkeypatch.delitem(DETECTORS, name)
     pairs = read_pairs(REPORTS)
-    assert len(pairs) == 25
+    assert len(pairs) == 48
     assert all(pair.source.startswith("https://github.com/") for pair in pairs)
     frame = narrow_phase.run_given(pairs, tmp_path / "out", lambda *_: None)
     mine = frame[frame.engine == "reference.exact"]
     assert sorted(mine.scenario[mine.metric == "distance"]) == sorted(pair.name for pair in pairs)
-    assert mine.value[mine.metric == "depth.error"].max() < 1e-10
+    errors = mine[mine.metric == "depth.error"].set_index("scenario").value
+    smooth = [pair.name for pair in pairs if {type(pair.a.shape), type(pair.b.shape)} & {Cylinder}]
+    assert errors.drop(smooth).max() < 1e-10
+    assert errors[smooth].max() < 1e-8  # qhull's planes are exact to 1e-10
     assert set(mine.reason) == {""}
-    stated = {"fcl_508": 3.0, "fcl_275": 10.0, "libccd_25": -0.1, "mujoco_2206": -0.01, "mujoco_1473": 0.6}
+    stated = {
+        "fcl_508": 3.0,
+        "fcl_275": 10.0,
+        "fcl_127": 3.0,
+        "fcl_568": -6.0,
+        "fcl_628": -0.2,
+        "fcl_375": 0.0,
+        "mujoco_2206": -0.01,
+        "mujoco_1473": 0.6,
+        "mujoco_1857": 0.035,
+        "mujoco_2710": 0.1,
+        "libccd_25": -0.1,
+        "opengjk_52": -300.0,
+        "parry_315": 0.0,
+        "python_fcl_68": 0.1,
+    }
     truth = frame[frame.engine == "minkowski"].set_index("scenario").value
     for name, distance in stated.items():
         assert truth[name] == pytest.approx(distance, abs=1e-9)
