@@ -423,7 +423,8 @@ def _unconverged_work(context: Context) -> float:
 
 def _too_fast(context: Context) -> bool:
     """Whether a body moves faster than drivers explain. A tracker that jumps by d gives its driver at most
-    the speed R d / m of the damper (Eq. 6), and a coupling that was x long sqrt(K / m) x."""
+    the speed R d / m of the damper (Eq. 6), and a coupling that was x long sqrt(K / m) x, x up to the longest
+    in a frame before and the tracker's way since."""
     scenario, recording = context.scenario, context.recording
     speeds = np.abs(recording.linear_velocity).max(axis=2)
     times = np.linspace(0.0, scenario.duration, 8 * scenario.frame_count + 1)  # a sweep may take a frame
@@ -438,8 +439,10 @@ def _too_fast(context: Context) -> bool:
             pace = float(np.abs(sample(tracker, times).linear_velocity).max())
         limit = max(limit, EXPLODED_PACE * pace)
         if not scenario.prescribes(tracker):
-            away = sample(tracker, recording.time).position - recording.position[:, root]
-            longest = np.maximum.accumulate(np.linalg.norm(away, axis=1))
-            whips.append((speeds[1:, root], sqrt(tracker.stiffness / mass) * longest[:-1]))
+            target = sample(tracker, recording.time).position
+            way = np.linalg.norm(np.diff(target, axis=0), axis=1)
+            away = np.linalg.norm(target - recording.position[:, root], axis=1)
+            longest = np.maximum.accumulate(away)[:-1] + way
+            whips.append((speeds[1:, root], sqrt(tracker.stiffness / mass) * longest))
     whipped = any((speed > np.maximum(limit, whip)).any() for speed, whip in whips)
     return whipped or bool(speeds[:, context.simulated].max(initial=0.0) > limit)
