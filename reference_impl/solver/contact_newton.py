@@ -66,9 +66,6 @@ RESIDUAL_FALL = 0.1
 """Fraction of the residual that an outer iteration may leave before the compliance falls [1]."""
 INNER_SHARE = 1e-2
 """Change of velocity over the residual, times the compliance, at which an outer iteration ends [1]."""
-EASY = 3
-"""Factorisations of an outer iteration up to which the compliance falls after it, once an inner solve has
-failed: before, it would fail again. Jammed bodies pass a far larger residual on the way to their solution."""
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged solution is accepted."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
@@ -90,7 +87,7 @@ def newton(solver, evenly, patient, most, state):
     rows, count, work = solver["rows"], solver["row_count"], solver["work"]
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
-    last, stalled, heaviest, easy = solver["best_residual"], 0, 0.0, NEWTON_INNER
+    last, stalled, heaviest = solver["best_residual"], 0, 0.0
     for k in range(count):
         heaviest = max(heaviest, rows[k]["mass"])
     compliance = min(COMPLIANCE_FIRST, sqrt(last))
@@ -110,7 +107,7 @@ def newton(solver, evenly, patient, most, state):
             if not patient:
                 return
             rebuild(solver)
-            compliance, easy = min(1.0, compliance * COMPLIANCE_RISE), EASY
+            compliance = min(1.0, compliance * COMPLIANCE_RISE)
             continue
         for k in range(count):
             p = rows[k]["impulse"]
@@ -125,15 +122,14 @@ def newton(solver, evenly, patient, most, state):
         keep_best(solver, residual)
         if residual <= solver["target"]:
             return
-        fall = COMPLIANCE_FALL if used <= easy else 1.0
         if residual > RESIDUAL_FALL * last:
             stalled += 1
             if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
             least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
-            compliance = max(least, compliance * fall)
+            compliance = max(least, compliance * COMPLIANCE_FALL)
         else:
-            compliance = max(COMPLIANCE_LAST, compliance * fall)
+            compliance = max(COMPLIANCE_LAST, compliance * COMPLIANCE_FALL)
         last = residual
 
 

@@ -389,8 +389,7 @@ def _iterate(solver, state):
             take_best(solver)
             if _is_accepted(solver) or parts:
                 return
-        # from the present impulses; from none; and with all contacts as stiff as the stiffest; each with more
-        # patience than the one before
+        # from the present impulses; from none; and with all contacts as stiff as the stiffest
         for attempt in range(0 if dense else 1, 3):
             # any load that solves the island
             solver["face_count"] = 0 if attempt > 0 else solver["face_count"]
@@ -400,7 +399,7 @@ def _iterate(solver, state):
                 if solver["best_residual"] <= solver["target"]:
                     return
             take_best(solver)
-            newton(solver, attempt == 2, attempt > 0, (1 + attempt) * most, state)
+            newton(solver, attempt == 2, attempt > 0, most, state)
             take_best(solver)
             if _is_accepted(solver) or parts:
                 return
