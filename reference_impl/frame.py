@@ -288,7 +288,7 @@ def _simulate(world):
         if left <= TIME_MIN:
             break
         state["counters"][COUNT_EVENTS] += 1
-        if fraction == 1 and not early and state["curved"] == 1 and state["halvings"] == halvings:
+        if fraction == 1 and state["curved"] == 1 and state["halvings"] == halvings:
             state["calm_events"] += 1
     busy = state["counters"][COUNT_DENSE] > 0 and state["counters"][COUNT_EVENTS] >= DENSE_CALM
     state["dense_frame"] = 1 if busy else 0
