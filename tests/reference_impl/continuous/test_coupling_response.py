@@ -38,8 +38,7 @@ def test_a_force_that_balances_the_spring_moves_nothing(h: float, k: float, r: f
 @settings(deadline=None)
 @given(st.integers(0, 1000), st.floats(1e-3, 3.0))
 def test_a_turning_driver_moves_as_its_angular_velocity_says(seed: int, angle: float) -> None:
-    """However far it is turned from its goal, at the start and at the end of a time; and two times follow each
-    other as one."""
+    """However far it is turned from its goal, at the start and after a time; two times follow as one."""
     rng = np.random.default_rng(seed)
     axis, omega, pace = rng.normal(size=(3, 3)) * ((1.0,), (30.0,), (5.0,))
     error = angle * axis / np.linalg.norm(axis)
