@@ -80,8 +80,8 @@ GAP_ERROR = END_ERROR / 10
 """Error of a mechanism's gap that the law of positions leaves [m]: one that sticks in several places, or at
 its limits, may not mend it."""
 LAWS_RATIO = 2.0
-"""Impulses of the law of positions over those of the law of velocities from which that is solved again, from
-the former [1]."""
+"""Sum of the normal impulses of the law of positions, over that of the law of velocities, from which the
+latter is solved again, starting from the former [1]."""
 CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
 FOLLOWED = 1e-6

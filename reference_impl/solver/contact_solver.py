@@ -26,8 +26,8 @@ Cadoux 2013). An island that finds no solution with rebound speeds does not rebo
 resting contact that separates slowly may come back as fast; in an island that finds no solution, it does not.
 Neither applies to islands too large for Newton's method, which only lack sweeps.
 
-A surface that moves can jam bodies against others. Where Coulomb's law asks for speeds far above its own, the
-island keeps the impulses of a few sweeps, and what they leave as its residual.
+A moving surface can jam bodies against others. Where Coulomb's law holds only at speeds far above its own, the
+island takes the impulses of a few sweeps, and has the residual that they leave.
 """
 
 from math import inf
@@ -93,9 +93,9 @@ rows from which it does: Newton's method alone solves most smaller islands in as
 the solution of the substep before where Coulomb's law has several."""
 PARTING_FACTORS = 30
 """Most factorisations of an island that the law of positions asks to part, before it asks less."""
-THROWN = 10.0
-"""Mean change of an island's velocities over the largest speed in its contacts, from which a moving surface
-throws it [1]: a hundred where it does, in random scenes, and a few where bodies merely jump."""
+JAM_RATIO = 10.0
+"""Mean change of an island's velocities, by mass, over the largest speed in its contacts, from which a moving
+surface jams it [1]: 100 to 300 where it did in random scenes, mostly less than 1 elsewhere."""
 EVEN_SWEEPS = 16
 """Most sweeps without friction before the first solve of an island with a mechanism."""
 
@@ -164,8 +164,8 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
     if lasting and solver["led"] == 0 and pushes_along(solver):
         reverse_slip(solver)
         solve_loaded(solver, state)
-    if state["moving_surfaces"] == 1 and _is_thrown(solver, pairs):
-        _stay_calm(solver, state)
+    if state["moving_surfaces"] == 1 and _is_jammed(solver, pairs):
+        _sweep_from_zero(solver, state)
     residual, accepted = solver["best_residual"], _accepted(solver)
     state["counters"][COUNT_SOLVES] += 1
     state["counters"][COUNT_OPEN_SOLVES] += residual > max(RESIDUAL_OPEN, accepted)
@@ -249,9 +249,9 @@ def _stop_return(solver, pairs):
 
 
 @kernel
-def _is_thrown(solver, pairs):
-    """Whether a moving surface throws the island: its bodies stick in all contacts, but between the surface
-    and others they hardly can, and only speeds far above its own allow it."""
+def _is_jammed(solver, pairs):
+    """Whether a moving surface jams the island: the geometry of its contacts is nearly singular, so that they
+    stick only at speeds far above that of the surface."""
     moving, fastest, energy, mass = False, 0.0, 0.0, 0.0
     for m in range(solver["mover_count"]):
         mover = solver["movers"][m]
@@ -266,7 +266,7 @@ def _is_thrown(solver, pairs):
         if row["pair"] >= 0:
             square = _surface_square(pairs[row["pair"]])
             moving, fastest = moving or square > 0, max(fastest, square)
-    return moving and energy > THROWN * THROWN * mass * fastest
+    return moving and energy > JAM_RATIO * JAM_RATIO * mass * fastest
 
 
 @inlined_kernel
@@ -277,8 +277,8 @@ def _surface_square(pair):
 
 
 @kernel
-def _stay_calm(solver, state):
-    """Take the best impulses of sweeps from none: they end long before they could throw the island."""
+def _sweep_from_zero(solver, state):
+    """Take the best impulses of sweeps that start from zero: in so few, a jam does not build up."""
     for k in range(solver["row_count"]):
         solver["rows"][k]["impulse"][:] = 0.0
     for k in range(solver["moment_count"]):
