@@ -26,8 +26,8 @@ Cadoux 2013). An island that finds no solution with rebound speeds does not rebo
 resting contact that separates slowly may come back as fast; in an island that finds no solution, it does not.
 Neither applies to islands too large for Newton's method, which only lack sweeps.
 
-A moving surface can jam bodies against others. Where Coulomb's law holds only at speeds far above its own, the
-island takes the impulses of a few sweeps, and has the residual that they leave.
+A moving surface can jam bodies against others. Where Coulomb's law holds only at speeds far above its own,
+the island takes the impulses of a few sweeps, and has the residual that they leave.
 """
 
 from math import inf
