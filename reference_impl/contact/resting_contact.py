@@ -168,7 +168,7 @@ def _correct_ends(world, count, h):
             before, moved = NEVER if k == 0 else max(moved, LARGEST_ERROR), 0.0
             for d in range(state["driven_count"], len(drivers)):
                 moved = max(moved, follow_forces(bodies, joints, drivers[d], h))
-            if not moved <= before:
+            if moved == NEVER or not moved <= before:
                 return False
         if state["curved"] == 1:
             set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])

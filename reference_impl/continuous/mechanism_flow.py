@@ -22,7 +22,7 @@ from touchstone.reference_impl.kinematics.mechanism import add_rates, move_mecha
 STEP_GROWTH, STEP_SHARE = 5.0, 0.9
 """Most growth of a step, and share of the length that its error allows [1]."""
 MOST_STEPS = 512
-"""Most attempts at steps of a substep; the last one takes the rest of it whatever its error."""
+"""Most attempts at steps of a substep."""
 STIFF = 10.0
 """Rate of a joint's spring and damper times the length of a substep [rad] above which its motion is stiff:
 steps of an explicit method, which are stable up to 3.3, cost more than those of an implicit one."""
@@ -37,6 +37,9 @@ def flow(bodies, joints, driver, time):
     """Advance a mechanism from its positions and rates by a time [s] under its known forces.
 
     Sets `work`.
+
+    Returns:
+        Whether it took at most MOST_STEPS; otherwise the mechanism is where these led.
     """
     pose_mechanism(bodies, joints, driver)
     move_mechanism(bodies, joints, driver)
@@ -44,11 +47,12 @@ def flow(bodies, joints, driver, time):
         weigh_mechanism(bodies, joints, driver)
     driver["work"] = 0.0
     if _is_stiff(joints, driver, time):
-        _flow_implicitly(bodies, joints, driver, time)
+        ended = _flow_implicitly(bodies, joints, driver, time)
     else:
-        _flow_explicitly(bodies, joints, driver, time)
+        ended = _flow_explicitly(bodies, joints, driver, time)
     if driver["loop_count"] > 0:
         close_loops(bodies, joints, driver)
+    return ended
 
 
 @kernel
@@ -117,26 +121,27 @@ def _flow_explicitly(bodies, joints, driver, time):
     size, count = driver["position_count"], driver["hinge_count"]
     set_slope(bodies, joints, driver, driver["slopes"][0])
     left, h, slopes, end = time, time, driver["slopes"], size + count
-    for k in range(MOST_STEPS):
-        last = not h < left or k == MOST_STEPS - 1
+    for _ in range(MOST_STEPS):
+        last = h >= left
         if last:
             h = left
         _store(driver, driver["stage_start"])
         error = _step(bodies, joints, driver, h)
-        grown = STEP_GROWTH
+        grown = STEP_GROWTH if error == 0 else 0.0
         if error > 0:
             grown = min(STEP_GROWTH, STEP_SHARE * (driver["step_error"] / error) ** 0.2)
-        if not error > driver["step_error"] or k == MOST_STEPS - 1:
+        if error <= driver["step_error"]:
             left -= h
             x = 35 / 384 * slopes[0, end] + 500 / 1113 * slopes[2, end] + 125 / 192 * slopes[3, end]
             driver["work"] += h * (x - 2187 / 6784 * slopes[4, end] + 11 / 84 * slopes[5, end])
             if last:
-                break
+                return True
             for i in range(end + 1):
                 slopes[0, i] = slopes[6, i]
         else:
             _restore(driver, driver["stage_start"])
         h *= max(grown, 0.1)
+    return False
 
 
 @kernel
@@ -164,14 +169,14 @@ def _flow_implicitly(bodies, joints, driver, time):
     """`flow` by extrapolation of Euler's method."""
     left, h, table = time, time, driver["slopes"]
     end = driver["position_count"] + driver["hinge_count"]
-    for k in range(MOST_STEPS):
-        last = not h < left or k == MOST_STEPS - 1
+    for _ in range(MOST_STEPS):
+        last = h >= left
         if last:
             h = left
         _store(driver, driver["stage_start"])
         driver["stage_start"][end] = driver["work"]
         columns = _extrapolate(bodies, joints, driver, h)
-        if columns > COLUMNS and k < MOST_STEPS - 1:
+        if columns > COLUMNS:
             _restore(driver, driver["stage_start"])
             driver["work"] = driver["stage_start"][end]
             h /= 2
@@ -180,10 +185,12 @@ def _flow_implicitly(bodies, joints, driver, time):
         driver["work"] = table[1, end]
         left -= h
         if last:
+            left = 0.0
             break
         if columns <= ENOUGH_COLUMNS:
             h *= 2
     _move(bodies, joints, driver)
+    return left == 0
 
 
 @kernel

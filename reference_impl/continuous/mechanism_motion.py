@@ -31,7 +31,7 @@ from touchstone.reference_impl.continuous.mechanism_dynamics import (
     weigh_mechanism,
 )
 from touchstone.reference_impl.continuous.mechanism_flow import flow
-from touchstone.reference_impl.core.conventions import KEEPS_NOTHING
+from touchstone.reference_impl.core.conventions import KEEPS_NOTHING, NEVER
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, rotation_between
 from touchstone.reference_impl.kinematics.mechanism import (
@@ -149,13 +149,13 @@ def _find_end(bodies, joints, driver, h):
     driver["at_middle"], driver["end_time"] = 0, h
     for _ in range(HOLD_ROUNDS):
         _return(driver)
-        flow(bodies, joints, driver, h)
+        driver["lost"] = 0 if flow(bodies, joints, driver, h) else 1
         driver["end_work"] = driver["work"]
         for i in range(driver["position_count"]):
             driver["end_positions"][i] = driver["positions"][i]
         for i in range(driver["hinge_count"]):
             driver["end_rates"][i] = driver["rates"][i] - driver["known_gains"][i]
-        if driver["held"] == 0:
+        if driver["held"] == 0 or driver["lost"] == 1:
             break
         note_lacks(joints, driver)
         _pose_middle(bodies, joints, driver)
@@ -184,7 +184,7 @@ def follow_forces(bodies, joints, driver, h):
 
     Returns:
         How far its bodies end from where its gains lead, without that of their law of positions: the root
-        mean square, by mass, of h times the velocity between [m].
+        mean square, by mass, of h times the velocity between [m]. NEVER if that motion is lost.
     """
     count, before = driver["hinge_count"], driver["hinge_response"]
     known, pushed = True, False
@@ -193,6 +193,8 @@ def follow_forces(bodies, joints, driver, h):
         pushed = pushed or driver["gains"][i] != 0 or driver["path_gains"][i] != 0
     if driver["held"] == 1 and not pushed:
         _let_go(bodies, joints, driver, h)
+    if driver["lost"] == 1:
+        return NEVER
     if known:
         return 0.0
     if driver["held"] == 1:
@@ -203,6 +205,8 @@ def follow_forces(bodies, joints, driver, h):
     if driver["has_path"] == 1:
         _answer_known(driver, h, 1.0)
     _find_end(bodies, joints, driver, h)
+    if driver["lost"] == 1:
+        return NEVER
     weigh_mechanism(bodies, joints, driver)
     energy = mass = 0.0
     for i in range(count):

@@ -253,5 +253,6 @@ DRIVER = record(
     held_force=("f8", (HINGE_CAPACITY,)),  # even force of held joints along each rate
     lacks=("f8", (HINGE_CAPACITY,)),  # scratch: force at the end, less that
     end_time="f8",  # its length, or -1 [s]
+    lost="i8",  # 1: its motion takes more steps than are allowed, so `end_*` are those of a part of it
     at_middle="i8",  # 1: columns and inertia are those at its middle
 )

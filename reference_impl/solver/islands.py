@@ -7,6 +7,7 @@ body. The hinges of a driver's chains are further movers of the solver, in block
 from math import sqrt
 
 from touchstone.reference_impl.continuous.hinge_motion import LIMIT_ROUNDING, limit_gap
+from touchstone.reference_impl.continuous.mechanism_dynamics import factorise
 from touchstone.reference_impl.continuous.mechanism_motion import take_gains
 from touchstone.reference_impl.core.conventions import HINGE_BLOCKS, NO_FLOOR, SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
@@ -162,6 +163,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
                 continue
             for i in range(3):
                 w[i, i] += LOCKED * trace
+            _drop_locked(row, pair["bias"], LOCKED * trace)
             solver["joined"] = 1
         prepare_row(row)
         if has_moment(pair):
@@ -171,6 +173,28 @@ def load_island(bodies, joints, drivers, pairs, head, state):
     for d in range(len(drivers)):
         if drivers[d]["hinge_mover"] >= 0:
             _load_limits(joints, drivers[d], solver)
+
+
+@kernel
+def _drop_locked(row, bias, least):
+    """Take from a row's velocity the part of a bias along directions in which joints hold its point, whose
+    mobility is `least`: it comes of how these directions turn within the substep, and no impulse changes it.
+    """
+    s, w, x = row["axes"], row["mobility"], row["swept"]
+    for i in range(3):
+        x[i] = bias[i]
+        for j in range(3):
+            s[i, j] = w[i, j]
+    factorise(s, 3)
+    for i in range(3):
+        for j in range(i):
+            x[i] -= s[i, j] * x[j]
+        x[i] /= s[i, i]
+    for i in range(2, -1, -1):
+        for j in range(i + 1, 3):
+            x[i] -= s[j, i] * x[j]
+        x[i] /= s[i, i]
+        row["free"][i] -= least * x[i]
 
 
 @inlined_kernel
