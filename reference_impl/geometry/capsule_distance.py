@@ -51,10 +51,11 @@ def segment_distance(piece_a, piece_b, out_pair):
 
 
 @kernel
-def are_alongside(piece_a, piece_b, within):
-    """Whether the sides of two capsules or cylinders face each other over some length.
+def are_alongside(piece_a, piece_b, least, most):
+    """Whether the sides of two capsules or cylinders touch each other over some length.
 
-    Their distance is at most `within` [m] at both of its ends."""
+    Their distance is from `least` to `most` [m] at both of its ends: sides that overlap by more than the pieces
+    do are those of cylinders that touch elsewhere."""
     if not (has_side(piece_a) and has_side(piece_b)):
         return False
     u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
@@ -64,7 +65,7 @@ def are_alongside(piece_a, piece_b, within):
     for x, y in ((s, t), (p, q)):
         w = _core_vector(u, v, c, x, y)
         gap = sqrt(dot(w, w))
-        if gap == 0 or gap - side_radius(piece_a) - side_radius(piece_b) > within:
+        if gap == 0 or not least <= gap - side_radius(piece_a) - side_radius(piece_b) <= most:
             return False
     return True
 

@@ -114,7 +114,8 @@ def _write_sides(piece_a, piece_b, pairs, k, rows):
     """Write the two points in which sides along each other touch to pair `k` and to row `rows`; returns the
     number of rows added, 0 if the pair keeps its witnesses."""
     pair = pairs[k]
-    if rows == len(pairs) or not are_alongside(piece_a, piece_b, max(0.0, pair["distance"]) + TOUCH_DISTANCE):
+    least, most = pair["distance"] - TOUCH_DISTANCE, max(0.0, pair["distance"]) + TOUCH_DISTANCE
+    if rows == len(pairs) or not are_alongside(piece_a, piece_b, least, most):
         return 0
     pair["manifold"] = k
     pairs[rows] = pair

@@ -6,8 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from manifold_scenes import GAP, ROUNDING, quaternion, rows_of, table
 
+from touchstone.reference_impl.core.conventions import TOUCH_DISTANCE
 from touchstone.scenarios.scenario import Body
 from touchstone.scenarios.solids import capsule, cylinder
 
@@ -120,3 +123,20 @@ def test_crossed_cylinders_touch_in_one_point(lab: SimpleNamespace) -> None:
     crossing = quaternion(np.pi / 2, 0.0, 0.0)
     rows = rows_of(lab, drum((0.0, 0.0, 0.0), LYING), drum((0.01, 0.02, 2 * RADIUS + GAP), crossing, "other"))
     np.testing.assert_allclose(points(rows)[:, :2], [(0.01, 0.0)], atol=1e-6)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(
+    other=st.sampled_from(("cylinder", "capsule")),
+    turns=st.tuples(*[st.floats(-3, 3)] * 6),
+    toward=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
+    apart=st.floats(0.2, 2.0),
+)
+def test_no_point_is_deeper_than_the_pieces(lab: SimpleNamespace, other, turns, toward, apart) -> None:
+    """Give no point that overlaps by more than the pieces do, along any normal, whatever touches what."""
+    place = (tuple(apart * RADIUS * np.array(toward) / np.linalg.norm(toward)), quaternion(*turns[3:]))
+    first = drum((0.0, 0.0, 0.0), quaternion(*turns[:3]))
+    second = drum(*place, "other") if other == "cylinder" else capsule("other", "wood", RADIUS, HALF, 1.0, *place)
+    rows = rows_of(lab, first, second)
+    if len(rows):
+        assert rows["distance"].min() >= -rows["depth"].max() - TOUCH_DISTANCE
