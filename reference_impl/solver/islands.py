@@ -149,8 +149,10 @@ def load_island(bodies, joints, drivers, pairs, head, state):
         solver["led"] = 1 if lead > 0 or held else solver["led"]
         if pair["slides"] == 1 and state["lead"] < 1:
             oppose_mean_slip(row)
+        bias_share = 1.0
         if lead > 0 or (held and state["lead"] == 1):
             _add_lead(bodies, drivers, pair, max(lead, state["lead"]), u)
+            bias_share -= max(lead, state["lead"])
         contact_mobility(bodies, drivers, pair, row["mobility"])
         if row["link_a"] >= 0 or row["link_b"] >= 0:
             _add_links(solver, row)
@@ -163,7 +165,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
                 continue
             for i in range(3):
                 w[i, i] += LOCKED * trace
-            _drop_locked(row, pair["bias"], LOCKED * trace)
+            _drop_locked(row, pair["bias"], bias_share * LOCKED * trace)
             solver["joined"] = 1
         prepare_row(row)
         if has_moment(pair):
@@ -177,8 +179,8 @@ def load_island(bodies, joints, drivers, pairs, head, state):
 
 @kernel
 def _drop_locked(row, bias, least):
-    """Take from a row's velocity the part of a bias along directions in which joints hold its point, whose
-    mobility is `least`: it comes of how these directions turn within the substep, and no impulse changes it.
+    """Take from a row's velocity its share of a bias along directions in which joints hold its point: it comes
+    of how these turn within the substep, and no impulse changes it. `least` is that share times their mobility.
     """
     s, w, x = row["axes"], row["mobility"], row["swept"]
     for i in range(3):
