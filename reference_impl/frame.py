@@ -27,7 +27,7 @@ from touchstone.reference_impl.contact.integrate import (
     set_paths,
     set_ways,
 )
-from touchstone.reference_impl.contact.resting_contact import solve_resting_contacts
+from touchstone.reference_impl.contact.resting_contact import note_residual, solve_resting_contacts
 from touchstone.reference_impl.contact.separation import separate_simulated
 from touchstone.reference_impl.contact.speculative_contacts import gather_contacts
 from touchstone.reference_impl.continuous.contact_motion import restore_normals
@@ -257,7 +257,7 @@ def _simulate(world):
         if touching > 0 or state["mechanisms"] == 1:
             note_energy(bodies, joints, drivers, state)
         first_held, state["unpaid_energy"] = state["contact_count"], 0.0
-        residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
+        note_residual(state)
         state["may_halve"] = 1
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
@@ -279,7 +279,6 @@ def _simulate(world):
                 break
             begin_again(bodies, joints, drivers)
             state["contact_count"] = first_held
-            state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
             h, fraction = _substep(world, touching, time, h)
         state["parted_energy"] += state["unpaid_energy"]
         if state["moments"] == 1:

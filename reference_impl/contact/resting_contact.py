@@ -110,7 +110,7 @@ def solve_resting_contacts(world, count, time, h):
     pairs, state = world.pairs, world.state
     last_time = state["last_time"]
     while True:
-        residual, unconverged = state["residual"], state["counters"][COUNT_UNCONVERGED]
+        unconverged = state["counters"][COUNT_UNCONVERGED]
         state["last_time"] = last_time
         h = whole = _solve_velocities(world, count, h)
         carried = _is_carried(world, count)
@@ -135,7 +135,6 @@ def solve_resting_contacts(world, count, time, h):
         # a wedge may have no solution in which contacts close exactly: leave them as predicted
         failed = state["counters"][COUNT_UNCONVERGED] > unconverged
         state["halvings"] = HALVINGS if failed else state["halvings"] + 1
-        state["residual"] = residual
         begin_again(bodies, joints, drivers)
         restore_normals(pairs, count)
         forget_grips(pairs, count)
@@ -208,6 +207,7 @@ def _correct_velocities(world, count, h):
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     begin_again(bodies, joints, drivers)
     apply_forces(bodies, joints, drivers, VELOCITY_LEAD, h, state)
+    _forget_residual(state)
     state["lead"] = VELOCITY_LEAD
     solve_contacts(bodies, joints, drivers, world.pairs, count, True, state)
     state["lead"] = 0.0
@@ -464,12 +464,27 @@ def _solve_together(world, count, h):
         if (state["led_loop"] == 1 or state["statics"] == 1) and state["last_time"] < 0:
             for i in range(3):
                 pairs[k]["last_force"][i] = pairs[k]["resting_impulse"][i] / h
+    _forget_residual(state)
     state["lead"] = VELOCITY_LEAD
     converged = solve_contacts(bodies, world.joints, world.drivers, pairs, count, True, state)
     state["lead"] = 0.0
     _note_forces(world, h)
     _accept_pushes(world, h)
     return converged
+
+
+@kernel
+def note_residual(state):
+    """Store the residual at the start of a substep."""
+    state["past_residual"] = state["residual"]
+    state["past_body_a"], state["past_body_b"] = state["residual_body_a"], state["residual_body_b"]
+
+
+@kernel
+def _forget_residual(state):
+    """Return to the residual at the start of the substep: a solve that another one replaces has none."""
+    state["residual"] = state["past_residual"]
+    state["residual_body_a"], state["residual_body_b"] = state["past_body_a"], state["past_body_b"]
 
 
 @kernel

@@ -199,7 +199,6 @@ def _turn_apart(world, first, end, left):
         found = found or (_is_own(bodies, rows[k]) and rows[k]["depth"] > left)
     if not found:
         return
-    residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
     for d in range(state["driven_count"]):
         if drivers[d]["loops"] == 1:
             _exchange_velocities(bodies, joints, drivers[d], True)
@@ -225,7 +224,6 @@ def _turn_apart(world, first, end, left):
                 joints[k]["offset_rate"] -= joints[k]["rate"]
             pose_links(bodies, joints, driver)
             _exchange_velocities(bodies, joints, driver, False)
-    state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
 
 
 @kernel
@@ -254,7 +252,6 @@ def _move_together(world, first, end, left, most):
     degrees before a heavy one yields by a micrometre, and touches others.
     """
     bodies, state, rows = world.bodies, world.state, world.pairs[first:]
-    residual, a, b = state["residual"], state["residual_body_a"], state["residual_body_b"]
     for k in range(len(bodies)):
         body = bodies[k]
         v, w, kept = body["velocity"], body["omega"], body["scratch"]
@@ -297,7 +294,6 @@ def _move_together(world, first, end, left, most):
         if not is_joined(bodies, world.drivers, k):
             bodies[k]["driver"] = -2 - bodies[k]["driver"]
             _end_motion(bodies[k], near)
-    state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
 
 
 @kernel

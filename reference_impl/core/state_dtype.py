@@ -70,9 +70,12 @@ STATE = record(
     # errors of a frame: each is 0 if the frame was resolved exactly
     missed="i8",  # 1: a warm start of this frame missed its target
     missed_before="i8",  # 1: one of the previous frame did
-    residual="f8",  # largest residual of the contact solves [m/s]
+    residual="f8",  # largest residual of the contact solves whose impulses act [m/s]
     residual_body_a="i8",  # its bodies, or -1
     residual_body_b="i8",
+    past_residual="f8",  # the same without the resting contacts of the present substep
+    past_body_a="i8",
+    past_body_b="i8",
     dropped_time="f8",  # part of the frame that was not simulated [s]
     guarded_energy="f8",  # energy that substeps and separation added to islands [J]
     unpaid_energy="f8",  # part of a substep's added energy that the guard could not remove [J]

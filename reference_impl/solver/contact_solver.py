@@ -172,7 +172,7 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
     state["counters"][COUNT_UNCONVERGED] += residual > accepted
     if residual > RESIDUAL_ACCEPTED:
         make_passive(solver)
-    if residual > max(state["residual"], state["settling"]):
+    if state["separates"] == 0 and residual > max(state["residual"], state["settling"]):
         _, worst = residual_of(solver)
         own = rows[max(worst, 0)]["pair"]
         state["residual"] = residual
