@@ -90,7 +90,7 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
         )
         if shared:
             count = _add_patch(pieces, vertices, pairs, k, touching, count, wide, state)
-        count = _keep_four(state["lower"], count)
+        count = _keep_four(state["lower"], count, max(0.0, pair["distance"]) + TOUCH_DISTANCE)
         if count < 2 and (has_rim(a) or has_rim(b)):
             # a contact in one point moves along the curved surface
             pair["manifold"] = -1
@@ -616,28 +616,21 @@ def _is_within(points, count, cap, x, y):
 
 
 @kernel
-def _keep_four(points, count):
+def _keep_four(points, count, touching):
     """Reduce a manifold to four points: the deepest, the one farthest from it, and the outermost on either
-    side of the line through both. Moves them to the front and returns their count."""
+    side of the line through both; points with a gap of up to `touching` come before others. Moves them to the
+    front and returns their count."""
     for k in range(1, count):
         if points[k, 2] < points[0, 2]:
             _swap(points, 0, k)
-    far, second = MANIFOLD_HEIGHT, 0
-    for k in range(1, count):
-        distance = sqrt((points[k, 0] - points[0, 0]) ** 2 + (points[k, 1] - points[0, 1]) ** 2)
-        if distance > far:
-            far, second = distance, k
+    second = _outermost(points, 1, count, touching, 0.0, 0.0)
     if second == 0:
         return min(count, 1)
     _swap(points, 1, second)
-    x, y = (points[1, 0] - points[0, 0]) / far, (points[1, 1] - points[0, 1]) / far
-    kept = 2
+    x, y, kept = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1], 2
+    far = sqrt(x * x + y * y)
     for sign in (1.0, -1.0):
-        best, out = 0, MANIFOLD_HEIGHT
-        for k in range(kept, count):
-            side = sign * (x * (points[k, 1] - points[0, 1]) - y * (points[k, 0] - points[0, 0]))
-            if side > out:
-                best, out = k, side
+        best = _outermost(points, kept, count, touching, -sign * y / far, sign * x / far)
         if best > 0:
             _swap(points, kept, best)
             kept += 1
@@ -645,6 +638,22 @@ def _keep_four(points, count):
     if kept == 4 and points[3, 2] < points[2, 2]:
         _swap(points, 2, 3)
     return kept
+
+
+@kernel
+def _outermost(points, first, count, touching, x, y):
+    """Point of `points[first:count]` that lies farthest from the first one along (x, y), or in any direction
+    if that is zero, of those that touch or, if none of them is off it, of the others; 0 if none is."""
+    for others in range(2):
+        best, out = 0, MANIFOLD_HEIGHT
+        for k in range(first, count):
+            u, v = points[k, 0] - points[0, 0], points[k, 1] - points[0, 1]
+            side = x * u + y * v if x != 0 or y != 0 else sqrt(u * u + v * v)
+            if side > out and (points[k, 2] <= touching) == (others == 0):
+                best, out = k, side
+        if best > 0:
+            return best
+    return 0
 
 
 @kernel

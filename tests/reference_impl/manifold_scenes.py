@@ -27,12 +27,12 @@ def quaternion(*vector: float) -> tuple[float, ...]:
     return tuple(Rotation.from_rotvec(vector).as_quat(scalar_first=True).tolist())
 
 
-def rows_of(lab: SimpleNamespace, *bodies: Body, capacity: int = 8) -> np.ndarray:
-    """The rows of the touching pairs of a scene."""
+def rows_of(lab: SimpleNamespace, *bodies: Body, capacity: int = 8, wide: bool = False) -> np.ndarray:
+    """The rows of the touching pairs of a scene; if `wide`, those of a dense substep."""
     world = lab.build(lab.scene(*bodies))
     pairs = world.pairs[:capacity]
     touching, _ = detect(world.of_stages()._replace(pairs=pairs), SIMULATED, 0)
-    end = expand_manifolds(world.bodies, world.pieces, world.vertices, pairs, touching, False, world.state[0])
+    end = expand_manifolds(world.bodies, world.pieces, world.vertices, pairs, touching, wide, world.state[0])
     return pairs[:end].copy()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from manifold_scenes import GAP, HALF, ROUNDING, assert_points, on_table, rows_of, table
+from manifold_scenes import GAP, HALF, ROUNDING, assert_points, on_table, quaternion, rows_of, table
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
@@ -129,6 +129,20 @@ def test_only_what_touches_is_in_the_manifold(lab: SimpleNamespace) -> None:
         assert len(rows) == count
         assert rows["distance"].max() <= TOUCH_DISTANCE
         assert rows["distance"][0] == rows["distance"].min()
+
+
+def test_what_touches_comes_before_what_is_near(lab: SimpleNamespace) -> None:
+    """Keep both ends of the edge on which a disc of 16 corners stands, tilted so little that all its corners are
+    near: with one of them alone, it rolled into the floor and was lifted in every substep of a jam."""
+    angles = 2 * np.pi * (np.arange(16) + 0.5) / 16
+    ring, tilt = [(0.1 * np.cos(a), 0.1 * np.sin(a)) for a in angles], 9e-5
+    corners = [tuple(map(float, (*p, z))) for z in (-0.01, 0.01) for p in ring]
+    turned = Rotation.from_rotvec((0.0, tilt, 0.0))
+    height = GAP - turned.apply(corners)[:, 2].min()
+    disc = hull("disc", "wood", corners, 1.0, (0.0, 0.0, height), quaternion(0.0, tilt, 0.0))
+    rows = rows_of(lab, table(lab), disc, wide=True)
+    assert (rows["distance"] <= TOUCH_DISTANCE).sum() == 2
+    assert rows["distance"].max() > TOUCH_DISTANCE
 
 
 def test_balls_and_full_lists_keep_the_witness(lab: SimpleNamespace) -> None:
