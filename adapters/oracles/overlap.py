@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import Any
 
 import coal
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import AdapterError, Array
@@ -56,6 +58,8 @@ DOUBTFUL = 1e-4
 """Depth above which a pair is queried in both orders [m]: exact engines rarely overlap by as much."""
 UNPROVEN = 1e-7
 """Excess of a distance over the gap along its normal above which it is wrong [m]: a tenth of a micrometre."""
+WAYS = np.array([np.array(w) / np.linalg.norm(w) for w in product((-1.0, 0.0, 1.0), repeat=3) if any(w)])
+"""Directions in which a depth is tested (26, 3): the gap along any of them bounds it [1]."""
 RIMMED = (coal.Cylinder, coal.Cone)
 ITERATIONS = 1000
 """coal's iteration caps: high enough that queries end by tolerance only."""
@@ -197,7 +201,8 @@ def signed_distance(
     """Signed distance [m], normal A to B and midpoint of the witnesses of two posed coal shapes.
 
     coal's EPA may end at a face of the difference that is not the nearest. Each face bounds the depth from
-    above, so deep overlaps are queried in both orders and the shallower result is returned. Of nearly
+    above, so deep overlaps are queried in both orders and the shallower result is returned; one that a gap
+    along a direction contradicts is replaced by the largest gap found. Of nearly
     touching pieces EPA may end at the opposite face, which a query with a finer tolerance corrects, or fail,
     which one with a coarser tolerance corrects. Of cylinders and cones that nearly touch it may return a
     distance that the pieces do not have along its normal: of all queries, the largest gap along a normal is
@@ -214,9 +219,12 @@ def signed_distance(
         other, reverse, place = _asked(shape_b, pose_b, shape_a, pose_a, tolerance)
         if other > value:
             value, normal, middle = other, -reverse, place
+    if value < -DOUBTFUL and not (isinstance(shape_a, coal.Halfspace) or isinstance(shape_b, coal.Halfspace)):
+        found = _largest_gap(shape_a, pose_a, shape_b, pose_b, value + UNPROVEN)
+        value, normal, middle = found or (value, normal, middle)
     if not (isinstance(shape_a, RIMMED) or isinstance(shape_b, RIMMED)):
         return value, normal, middle
-    gap = _gap_along(shape_a, pose_a, shape_b, pose_b, normal)
+    gap = gaps_along(shape_a, pose_a, shape_b, pose_b, normal[None])[0][0]
     if value - gap <= UNPROVEN:
         return value, normal, middle
     for tolerance in (TOLERANCE, FINER_TOLERANCE, COARSER_TOLERANCE):
@@ -225,32 +233,68 @@ def signed_distance(
             one, two = (second, first) if turned else (first, second)
             _, way, place = _asked(*one, *two, tolerance)
             way = -way if turned else way
-            own = _gap_along(shape_a, pose_a, shape_b, pose_b, way)
+            own = gaps_along(shape_a, pose_a, shape_b, pose_b, way[None])[0][0]
             if own > gap:
                 gap, normal, middle = own, way, place
-    return gap, normal, middle
+    return float(gap), normal, middle
 
 
-def _gap_along(shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose, normal: Array) -> float:
-    """Gap [m] of two posed coal shapes along a unit vector from A to B: at most their signed distance."""
-    apart = normal @ (pose_b[1] - pose_a[1])
-    return float(apart - _reach(shape_a, normal @ pose_a[0]) - _reach(shape_b, -normal @ pose_b[0]))
+def _largest_gap(
+    shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose, enough: float
+) -> tuple[float, Array, Array] | None:
+    """Largest gap of two posed coal shapes [m] that is found from the best of WAYS in the axes of both, its
+    normal, and the midpoint of the points that it lies between; None if the best is at most `enough`."""
+    ways = np.vstack((WAYS @ pose_a[0].T, WAYS @ pose_b[0].T))
+    gaps, _ = gaps_along(shape_a, pose_a, shape_b, pose_b, ways)
+    best = ways[np.argmax(gaps)]
+    if gaps.max() <= enough:
+        return None
+    across = np.linalg.svd(best[None])[2][1:]
+
+    def depth(x: Array) -> float:
+        way = best + x @ across
+        return -float(gaps_along(shape_a, pose_a, shape_b, pose_b, way[None] / np.linalg.norm(way))[0][0])
+
+    found = minimize(depth, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-10})
+    normal = best + found.x @ across
+    normal /= np.linalg.norm(normal)
+    gaps, middles = gaps_along(shape_a, pose_a, shape_b, pose_b, normal[None])
+    return float(gaps[0]), normal, middles[0]
 
 
-def _reach(shape: Any, way: Array) -> float:
-    """Support value of a coal shape along a unit vector of its frame [m]."""
-    if isinstance(shape, coal.Cylinder):
-        return float(shape.radius * np.hypot(way[0], way[1]) + shape.halfLength * abs(way[2]))
-    if isinstance(shape, coal.Cone):
-        rim = shape.radius * np.hypot(way[0], way[1]) - shape.halfLength * way[2]
-        return float(max(shape.halfLength * way[2], rim))
-    if isinstance(shape, coal.Capsule):
-        return float(shape.radius + shape.halfLength * abs(way[2]))
-    if isinstance(shape, coal.Box):
-        return float(np.abs(way) @ shape.halfSide)
+def gaps_along(
+    shape_a: object, pose_a: Pose, shape_b: object, pose_b: Pose, ways: Array
+) -> tuple[Array, Array]:
+    """Gaps (n,) [m] of two posed coal shapes along unit vectors (n, 3) from A to B, each at most their signed
+    distance, and the midpoints (n, 3) of the points that they lie between."""
+    points_a = _supports(shape_a, ways @ pose_a[0]) @ pose_a[0].T + pose_a[1]
+    points_b = _supports(shape_b, -ways @ pose_b[0]) @ pose_b[0].T + pose_b[1]
+    return np.einsum("ni,ni->n", ways, points_b - points_a), (points_a + points_b) / 2
+
+
+def _supports(shape: Any, ways: Array) -> Array:
+    """Support points (n, 3) of a coal shape along unit vectors (n, 3), in its frame [m]."""
+    if isinstance(shape, coal.Sphere):
+        return np.asarray(shape.radius * ways)
     if isinstance(shape, coal.Ellipsoid):
-        return float(np.linalg.norm(way * shape.radii))
-    return float(shape.radius if isinstance(shape, coal.Sphere) else (shape.points() @ way).max())
+        return np.asarray(shape.radii**2 * ways / np.linalg.norm(shape.radii * ways, axis=1, keepdims=True))
+    if isinstance(shape, coal.Capsule):
+        core, radius = np.copysign((0.0, 0.0, shape.halfLength), ways), shape.radius
+    elif isinstance(shape, coal.Box):
+        core, radius = np.copysign(shape.halfSide, ways), shape.getSweptSphereRadius()
+    elif isinstance(shape, RIMMED):
+        across = np.hypot(ways[:, 0], ways[:, 1])[:, None]
+        rim = shape.radius * ways / np.where(across > 0, across, 1.0)
+        rim[:, 2] = np.copysign(shape.halfLength, ways[:, 2])
+        if isinstance(shape, coal.Cone):
+            rim[:, 2] = -shape.halfLength
+            apex = np.array((0.0, 0.0, shape.halfLength))
+            rim = np.where((ways @ apex > np.einsum("ni,ni->n", rim, ways))[:, None], apex, rim)
+        return rim
+    else:
+        corners = shape.points()
+        core, radius = corners[np.argmax(ways @ corners.T, axis=1)], shape.getSweptSphereRadius()
+    return np.asarray(core + radius * ways)
 
 
 def _asked(

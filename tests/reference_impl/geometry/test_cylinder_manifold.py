@@ -136,7 +136,9 @@ def test_no_point_is_deeper_than_the_pieces(lab: SimpleNamespace, other, turns, 
     """Give no point that overlaps by more than the pieces do, along any normal, whatever touches what."""
     place = (tuple(apart * RADIUS * np.array(toward) / np.linalg.norm(toward)), quaternion(*turns[3:]))
     first = drum((0.0, 0.0, 0.0), quaternion(*turns[:3]))
-    second = drum(*place, "other") if other == "cylinder" else capsule("other", "wood", RADIUS, HALF, 1.0, *place)
+    second = (
+        drum(*place, "other") if other == "cylinder" else capsule("other", "wood", RADIUS, HALF, 1.0, *place)
+    )
     rows = rows_of(lab, first, second)
     if len(rows):
         assert rows["distance"].min() >= -rows["depth"].max() - TOUCH_DISTANCE
