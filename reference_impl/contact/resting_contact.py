@@ -1,5 +1,7 @@
 """Resting contacts: impulses over a substep that keep touching pairs from approaching."""
 
+from math import sqrt
+
 from touchstone.reference_impl.contact.contact_events import (
     ONSET_SOUGHT,
     SLIP_STRAIGHT,
@@ -48,6 +50,7 @@ from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
     NEVER,
     NO_FLOOR,
+    SIMULATED,
     SINKING_DEPTH,
 )
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
@@ -55,7 +58,7 @@ from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector, cross
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
-from touchstone.reference_impl.solver.islands import is_joined, join_islands, leads, mover_of
+from touchstone.reference_impl.solver.islands import is_joined, island_of, join_islands, leads, mover_of
 from touchstone.reference_impl.solver.mobility import approach_speed, place_surfaces
 from touchstone.reference_impl.solver.warm_start import load_impulse, store_impulses
 
@@ -74,6 +77,9 @@ ONSET_ROUNDS, ONSET_SHARE = 5, 0.01
 error of a speed is its square."""
 GRIP_SHARE = 1e-9
 """The same where static friction ends in a jump of the force [1]: the error of a speed is proportional."""
+SWING = 0.1
+"""Most angle by which a weakly damped driver swings with its load in a substep [rad]: the impulses that set
+their velocities and those that set their paths differ by its square, and so does the driver's work."""
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
 GAP_ERROR = END_ERROR / 10
@@ -263,6 +269,8 @@ def _solve_velocities(world, count, h):
             if _is_carried(world, count):
                 turned = slip_turn_share(bodies, pairs, count, state)
                 exact = min(exact, curved_share(turned, h, state))
+            if state["led_loop"] == 1 and state["led"] == 1:
+                exact = min(exact, _swing_share(world, count, h))
             share, most = min(share, exact), min(most, exact * h)
         # a driver's pull is no part of the prediction of a stop, which may come nearer by a few percent only
         if k >= DRIVEN_ROUNDS and share < 1 and state["led_loop"] == 1 and state["led"] == 1:
@@ -284,6 +292,34 @@ def _solve_velocities(world, count, h):
         forget_grips(pairs, count)
         h = later
     return h
+
+
+@kernel
+def _swing_share(world, count, h):
+    """Share of a substep of length h in which drivers swing with the bodies of their islands by SWING at
+    most; NEVER if it is longer than h."""
+    bodies, drivers, pairs, fastest = world.bodies, world.drivers, world.pairs, 0.0
+    for k in range(count):
+        pair = pairs[k]
+        p = pair["resting_impulse"]
+        if pair["island"] < 0 or (p[0] == 0 and p[1] == 0 and p[2] == 0):
+            continue
+        for side in range(2):
+            b = pair["body_b"] if side else pair["body_a"]
+            if not leads(bodies, drivers, b):
+                continue
+            driver = drivers[bodies[b]["driver"]]
+            if driver["prescribed"] + driver["mechanism"] > 0:
+                continue
+            mass, island = driver["mass"], pair["island"]
+            for c in range(len(bodies)):
+                load = bodies[c]
+                if load["kind"] == SIMULATED and load["driver"] < 0 and island_of(bodies, c) == island:
+                    mass += load["mass"]
+            swing = sqrt(driver["stiffness"] / mass)
+            if driver["damping"] < swing * mass:
+                fastest = max(fastest, swing)
+    return curved_share(SWING / (fastest * h), h, world.state) if fastest * h > SWING else NEVER
 
 
 @kernel

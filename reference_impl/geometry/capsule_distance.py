@@ -54,8 +54,8 @@ def segment_distance(piece_a, piece_b, out_pair):
 def are_alongside(piece_a, piece_b, least, most):
     """Whether the sides of two capsules or cylinders touch each other over some length.
 
-    Their distance is from `least` to `most` [m] at both of its ends: sides that overlap by more than the pieces
-    do are those of cylinders that touch elsewhere."""
+    Their distance is from `least` to `most` [m] at both of its ends: sides that overlap by more than the
+    pieces do are those of cylinders that touch elsewhere."""
     if not (has_side(piece_a) and has_side(piece_b)):
         return False
     u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)

@@ -179,9 +179,9 @@ def load_island(bodies, joints, drivers, pairs, head, state):
 
 @kernel
 def _drop_locked(row, bias, least):
-    """Take from a row's velocity its share of a bias along directions in which joints hold its point: it comes
-    of how these turn within the substep, and no impulse changes it. `least` is that share times their mobility.
-    """
+    """Take from a row's velocity its share of a bias along directions in which joints hold its point: it
+    comes of how these turn within the substep, and no impulse changes it. `least` is their mobility times
+    that share."""
     s, w, x = row["axes"], row["mobility"], row["swept"]
     for i in range(3):
         x[i] = bias[i]

@@ -285,8 +285,8 @@ def any_shape(rng):
 
 
 def test_no_direction_contradicts_a_deep_overlap():
-    """No gap along any of 300 directions is larger than the distance of 3,000 pairs: coal tells 91 mm for 6 mm
-    between an ellipsoid and a hull of 32 corners, in both orders and with any tolerance."""
+    """No gap along any of 300 directions is larger than the distance of 3,000 pairs: coal tells 91 mm for
+    6 mm between an ellipsoid and a hull of 32 corners, in both orders and with any tolerance."""
     rng, deep = np.random.default_rng(3), 0
     ways = np.array([direction(rng) for _ in range(300)])
     for _ in range(3000):

@@ -132,8 +132,8 @@ def test_only_what_touches_is_in_the_manifold(lab: SimpleNamespace) -> None:
 
 
 def test_what_touches_comes_before_what_is_near(lab: SimpleNamespace) -> None:
-    """Keep both ends of the edge on which a disc of 16 corners stands, tilted so little that all its corners are
-    near: with one of them alone, it rolled into the floor and was lifted in every substep of a jam."""
+    """Keep both ends of the edge on which a disc of 16 corners stands, tilted so little that all its corners
+    are near: with one of them alone, it rolled into the floor and was lifted in every substep of a jam."""
     angles = 2 * np.pi * (np.arange(16) + 0.5) / 16
     ring, tilt = [(0.1 * np.cos(a), 0.1 * np.sin(a)) for a in angles], 9e-5
     corners = [tuple(map(float, (*p, z))) for z in (-0.01, 0.01) for p in ring]
