@@ -617,43 +617,46 @@ def _is_within(points, count, cap, x, y):
 
 @kernel
 def _keep_four(points, count, touching):
-    """Reduce a manifold to four points: the deepest, the one farthest from it, and the outermost on either
-    side of the line through both; points with a gap of up to `touching` come before others. Moves them to the
-    front and returns their count."""
+    """Reduce a manifold to four points: the deepest, the one farthest from it, the outermost on either side
+    of the line through both, and those farthest from all of these; points with a gap of up to `touching` come
+    before others. Moves them to the front and returns their count."""
     for k in range(1, count):
         if points[k, 2] < points[0, 2]:
             _swap(points, 0, k)
-    second = _outermost(points, 1, count, touching, 0.0, 0.0)
-    if second == 0:
-        return min(count, 1)
-    _swap(points, 1, second)
-    x, y, kept = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1], 2
-    far = sqrt(x * x + y * y)
-    for sign in (1.0, -1.0):
-        best = _outermost(points, kept, count, touching, -sign * y / far, sign * x / far)
-        if best > 0:
-            _swap(points, kept, best)
-            kept += 1
+    kept = 1
+    for others in range(2):
+        for side in (0, 1, -1, 0):
+            # of what touches, points between the ends of an edge carry nothing that these do not
+            if kept == 4 or (side != 0 and kept == 1) or (side == 0 and others == 0 and kept > 1):
+                continue
+            best, out = 0, MANIFOLD_HEIGHT
+            for k in range(kept, count):
+                if (points[k, 2] <= touching) == (others == 0):
+                    way = _spread(points, kept, k, side)
+                    if way > out:
+                        best, out = k, way
+            if best > 0:
+                _swap(points, kept, best)
+                kept += 1
     # the sides depend on the frame's handedness; the solver's result, on the order of rows
     if kept == 4 and points[3, 2] < points[2, 2]:
         _swap(points, 2, 3)
-    return kept
+    return min(count, kept)
 
 
 @kernel
-def _outermost(points, first, count, touching, x, y):
-    """Point of `points[first:count]` that lies farthest from the first one along (x, y), or in any direction
-    if that is zero, of those that touch or, if none of them is off it, of the others; 0 if none is."""
-    for others in range(2):
-        best, out = 0, MANIFOLD_HEIGHT
-        for k in range(first, count):
-            u, v = points[k, 0] - points[0, 0], points[k, 1] - points[0, 1]
-            side = x * u + y * v if x != 0 or y != 0 else sqrt(u * u + v * v)
-            if side > out and (points[k, 2] <= touching) == (others == 0):
-                best, out = k, side
-        if best > 0:
-            return best
-    return 0
+def _spread(points, kept, k, side):
+    """Distance of point k from the nearest of the first `kept`, or from the line through the first two on its
+    side 1 or -1, in the x-y plane [m]."""
+    if side != 0:
+        x, y = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1]
+        u, v = points[k, 0] - points[0, 0], points[k, 1] - points[0, 1]
+        return side * (x * v - y * u) / sqrt(x * x + y * y)
+    least = NEVER
+    for j in range(kept):
+        u, v = points[k, 0] - points[j, 0], points[k, 1] - points[j, 1]
+        least = min(least, sqrt(u * u + v * v))
+    return least
 
 
 @kernel

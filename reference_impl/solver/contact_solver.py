@@ -24,7 +24,9 @@ A body between two walls steeper than the friction cone cannot rebound: every im
 with rebound speeds then has no solution, but without them it has one, if the walls stand still (Acary &
 Cadoux 2013). An island that finds no solution with rebound speeds does not rebound. In the same way, a
 resting contact that separates slowly may come back as fast; in an island that finds no solution, it does not.
-Neither applies to islands too large for Newton's method, which only lack sweeps.
+Nor do its contacts change their velocities as its bodies turn within the substep: between contacts that stick
+on one body, such changes are a strain, which no impulse mends, and a jammed body does not turn.
+None of this applies to islands too large for Newton's method, which only lack sweeps.
 
 A moving surface can jam bodies against others. Where Coulomb's law holds only at speeds far above its own,
 the island takes the impulses of a few sweeps, and has the residual that they leave.
@@ -160,6 +162,8 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
         solve_loaded(solver, state)
     if fits and lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_return(solver, pairs):
         solve_loaded(solver, state)
+    if fits and lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_turn(solver, pairs, state):
+        solve_loaded(solver, state)
     # where a driver moves, another solve sets the motion, and so the work
     if lasting and solver["led"] == 0 and pushes_along(solver):
         reverse_slip(solver)
@@ -243,6 +247,23 @@ def _stop_return(solver, pairs):
             continue
         if -APPROACH_MIN <= row["floor"] < 0 and pairs[row["pair"]]["speculative_speed"] == 0:
             row["floor"], found = 0.0, True
+    if found:
+        _return_to_start(solver)
+    return found
+
+
+@kernel
+def _stop_turn(solver, pairs, state):
+    """Take from all rows how their velocities change as bodies turn within the substep, and return to the
+    warm start; returns whether any has such a change."""
+    found, share = False, 1 - state["lead"] if solver["led"] == 1 else 1.0
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        if row["pair"] >= 0:
+            bias = pairs[row["pair"]]["bias"]
+            for i in range(3):
+                found = found or bias[i] != 0
+                row["free"][i] -= share * bias[i]
     if found:
         _return_to_start(solver)
     return found

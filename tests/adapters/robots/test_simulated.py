@@ -236,7 +236,8 @@ def test_a_body_too_light_for_its_joints_is_refused(robot):
 def test_wheels_of_a_robot_roll():
     """A car that is pushed with its wheels at rest spins them up: v = v_0 / (1 + sum I / (m r^2)) = w r.
 
-    Its free steering, which the start turns by some 1e-5 rad, scrubs later.
+    Its free steering, which the start turns by some 1e-5 rad, makes a wheel on one side faster than that on
+    the other.
     """
     path = folders()["pybullet"] / "racecar/racecar.urdf"
     found = imported(path, "robot", allow_paths=True, simulated=Simulated()).scenario
@@ -251,8 +252,9 @@ def test_wheels_of_a_robot_roll():
     seen = record(load("reference"), scene, Settings("balanced", 1 / 60))
     speed = 1 / (1 + spun / sum(body.mass for body in scene.bodies))
     assert len(wheels) == 4
-    np.testing.assert_allclose(seen.angular_velocity[-1, wheels, 1] * radius, speed, rtol=2e-5)
-    np.testing.assert_allclose(seen.linear_velocity[-1, wheels, 0], speed, rtol=2e-5)
+    for found in (seen.angular_velocity[-1, wheels, 1] * radius, seen.linear_velocity[-1, wheels, 0]):
+        np.testing.assert_allclose(found.mean(), speed, rtol=1e-5)
+        np.testing.assert_allclose(found, speed, rtol=5e-5)
 
 
 STEP = 1 / 480
