@@ -176,7 +176,7 @@ def test_a_belt_that_jams_bodies_does_not_eject_them() -> None:
     ],
 )
 def test_every_frame_is_resolved(kind: str, seed: int) -> None:
-    """No time is dropped; before, as much as is told above."""
+    """Scenes that once dropped as much time as their comments say drop none."""
     ((_, assessment),) = played("balanced", (seed,), kind=kind)
     assert assessment.dropped_time == 0
 
