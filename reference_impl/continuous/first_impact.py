@@ -87,6 +87,19 @@ def earliest_impact(world, touching, end, until, fast):
         else:
             first = _closing(moving, first, gap, slack)
         met = k if first < before and state["halves"] == 0 else met
+    # a pair that grazes within the substep does not touch at its end, but may at the event of another pair
+    again = fast and first < until
+    while again:
+        again = False
+        for k in range(touching, end):
+            pair = pairs[k]
+            if is_fast_pair(bodies, pieces, pair, 1.0) or is_marked(bodies, pieces, pairs, pair):
+                continue
+            a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+            one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+            moving = MovingPair(a, b, one, two, world.vertices, pair, state)
+            if distance_at(moving, first) < -OVERLAP_TOLERANCE:
+                first, met, again = _closing(moving, first, gap, slack), k, True
     return first, drifted, met
 
 
