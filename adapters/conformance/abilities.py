@@ -1,4 +1,4 @@
-"""What engines can represent: a scene of the catalogue for each ability, which an engine builds or refuses."""
+"""What engines can represent: per ability a scene of the catalogue, which an engine builds or refuses."""
 
 from __future__ import annotations
 

@@ -30,7 +30,10 @@ def engines_page(checkout: Path) -> str:
         if "==" in line and not line.startswith("#")
     )
     abilities = [
-        {"ability": ability, **{name: "-" if ability in one.lacks else "yes" for name, one in entries.items()}}
+        {
+            "ability": ability,
+            **{name: "-" if ability in one.lacks else "yes" for name, one in entries.items()},
+        }
         for ability in ABILITIES
     ]
     profiles = [
@@ -48,18 +51,18 @@ def engines_page(checkout: Path) -> str:
     parts = [
         NOTICE,
         "# Engines",
-        "All have spheres, boxes and Coulomb's law of friction. What an engine lacks is refused with the reason; a "
-        "test builds a scene for each ability. An optional engine with an environment of its own is added by "
-        "`touchstone env add` ([environments.md](environments.md)).",
+        "All have spheres, boxes and Coulomb's law of friction. What an engine lacks is refused with "
+        "the reason; a test builds a scene for each ability. An optional engine with an environment of its "
+        "own is added by `touchstone env add` ([environments.md](environments.md)).",
         "## What each can represent",
         table_text(abilities),
         "## Profiles",
         "Versions are those that `make` installs, or that an engine's own environment pins.",
         table_text(profiles),
         "## Where each fails",
-        f"Known failings of the first profile in the probes, and the {MOST} causes that show in the most of them; "
-        "`reports/verdict/causes.toml` has each with its mechanism. Where none is known, a probe meets all its limits, "
-        "or is refused. Only these engines have been judged on all probes.",
+        f"Known failings of the first profile in the probes, and the {MOST} causes that show in the most of "
+        "them; `reports/verdict/causes.toml` has each with its mechanism. Where none is known, a probe meets "
+        "all its limits, or is refused. Only these engines have been judged on all probes.",
         table_text([row for name in PROBED for row in _failing_rows(name, entries[name])]),
     ]
     return "\n\n".join(parts) + "\n"

@@ -171,7 +171,7 @@ def test_what_cannot_be_represented_is_refused(name, profile, scene, reason):
     ],
 )
 def test_plates_hold_a_cube(name, profile):
-    """`grip`: friction of the plates carries the cube, and no body's friction by itself is that of its pairs."""
+    """`grip`: friction of the plates carries the cube; each pair has its own."""
     scenario = catalogue()["grip"]
     run = run_of(scenario, name, profile)
     height = run.recording.position[:, scenario.body_index("cube"), 2]

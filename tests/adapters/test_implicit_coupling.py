@@ -68,7 +68,7 @@ def played(engine: SimpleNamespace, scenario: Scenario, dt: float) -> Iterator[S
 
 
 def each(*names: str) -> list:
-    """Engines of SINGLE with their profiles; skipped where they are not installed, slow where they compile."""
+    """Engines of SINGLE with their profiles; skipped where not installed, slow where they compile."""
     return [
         pytest.param(
             name,
@@ -155,7 +155,7 @@ def test_free_plates_follow_the_closed_form(lab, registry, name: str, dt: float)
 
 
 def plates(lab: SimpleNamespace) -> tuple[Scenario, list[tuple[float, float]]]:
-    """A plate of every mass and stiffness in one scene, 1 m apart, that move and turn; masses, stiffnesses."""
+    """Plates of every mass and stiffness in one scene, which move and turn 1 m apart; these."""
     times, kinds = np.arange(11) / 30, list(product(MASSES, STIFFNESSES))
     path = np.cumsum(np.random.default_rng(7).normal(size=(11, 3)) * 0.01, axis=0)
     turns = np.zeros((11, 3))

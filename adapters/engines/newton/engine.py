@@ -173,7 +173,9 @@ class World:
             state.angular_velocity[self._free] = moved[:, 3:]
         for k, drive in enumerate(self._drives):
             root = drive.links[0]
-            drive.read_central(state, k, *(one[root].copy() for one in (state.linear_velocity, state.angular_velocity)))
+            drive.read_central(
+                state, k, *(one[root].copy() for one in (state.linear_velocity, state.angular_velocity))
+            )
         self._read_contacts(state)
 
     def _read_contacts(self, state: State) -> None:

@@ -71,8 +71,8 @@ def restitutions_of(scenario: Scenario, profile: str) -> list[float]:
 def model_of(
     scenario: Scenario, profile: str, masses: Sequence[Body | BodyFacts]
 ) -> tuple[Any, list[int], list[int]]:
-    """Newton's model with the masses of all bodies, Newton's body per body of the scenario (WORLD: fixed), and
-    the body of each shape."""
+    """Newton's model with the masses of all bodies, Newton's body per body of the scenario (WORLD: fixed),
+    and the body of each shape."""
     builder = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
     (friction, priority), restitution = frictions_of(scenario, profile), restitutions_of(scenario, profile)
     if profile in OF_MUJOCO:

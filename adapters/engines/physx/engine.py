@@ -102,7 +102,9 @@ class World:
             one.show(self._moment, state, hinges)
         for k, drive in zip(self._coupled, self._drives):
             body = self._added[drive.links[0]][1]
-            drive.read_central(state, k, body.linear_velocity.astype(float), body.angular_velocity.astype(float))
+            drive.read_central(
+                state, k, body.linear_velocity.astype(float), body.angular_velocity.astype(float)
+            )
         self._read_contacts(state)
 
     def _read_contacts(self, state: State) -> None:

@@ -138,7 +138,9 @@ def add_coupling(world: Any, drive: Drive, handle: Any) -> tuple[Any, Any]:
     anchors = []
     for names, gains, position, orientation, frame in given:
         own = pose(ORIGIN, frame)
-        joint = rapier3d.GenericJoint.builder(rapier3d.JointAxesMask.empty()).local_frame1(own).local_frame2(own)
+        joint = (
+            rapier3d.GenericJoint.builder(rapier3d.JointAxesMask.empty()).local_frame1(own).local_frame2(own)
+        )
         for name, (stiffness, damping) in zip(names, gains):
             axis = getattr(rapier3d.JointAxis, name)
             joint = joint.motor(axis, 0.0, 0.0, stiffness, damping)

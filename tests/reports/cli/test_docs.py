@@ -11,8 +11,8 @@ import typer
 
 from touchstone.adapters.registry import settings_of
 from touchstone.reports.cli.main import app
-from touchstone.reports.docs.measurements import NoResults, page_of
 from touchstone.reports.docs.engines import engines_page
+from touchstone.reports.docs.measurements import NoResults, page_of
 from touchstone.reports.docs.reference import (
     EFFECTS,
     MANUALS,
