@@ -171,10 +171,10 @@ class World:
             state.orientation[self._free] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
             state.linear_velocity[self._free] = moved[:, :3]
             state.angular_velocity[self._free] = moved[:, 3:]
-        for k, drive in enumerate(self._drives):
+        for number, drive in enumerate(self._drives):
             root = drive.links[0]
             drive.read_central(
-                state, k, *(one[root].copy() for one in (state.linear_velocity, state.angular_velocity))
+                state, number, *(one[root].copy() for one in (state.linear_velocity, state.angular_velocity))
             )
         self._read_contacts(state)
 
