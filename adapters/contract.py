@@ -214,7 +214,7 @@ class State:
 
     n bodies (links included), t trackers, j hinges in the order of the trackers' joints. `force` and `torque`
     [N, N m; world, at the root's origin] and `hinge_torque` [N m] are what the drive applied during the step;
-    NaN if the engine poses its driven bodies itself.
+    NaN if the engine poses its driven bodies itself, or does not report it.
     """
 
     def __init__(self, scenario: Scenario) -> None:

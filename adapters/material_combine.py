@@ -123,18 +123,21 @@ def _extremes(
     return factors
 
 
-def mean_factors(engine: str, kind: str, scenario: Scenario, wanted: Pairs) -> list[float]:
+def mean_factors(
+    engine: str, kind: str, scenario: Scenario, wanted: Pairs, signed: bool = False
+) -> list[float]:
     """Factors per body with (f_a + f_b) / 2 = the pair's coefficient, for engines that take the mean.
 
     Solves a linear system by its normal equations, as `product_factors`. Raises Unsupported with the pairs if
-    no factors exist that are not negative.
+    no factors exist that are not negative; an engine that takes the mean of any numbers has `signed` ones.
     """
     count = len(scenario.bodies)
     system, sums = np.zeros((count, count)), np.zeros(count)
     for (a, b), value in wanted.items():
         system[np.ix_((a, b), (a, b))] += 1.0
         sums[[a, b]] += 2 * value
-    factors = np.maximum(np.linalg.lstsq(system, sums, rcond=None)[0], 0.0).tolist()
+    solved = np.linalg.lstsq(system, sums, rcond=None)[0]
+    factors: list[float] = (solved if signed else np.maximum(solved, 0.0)).tolist()
     _check(engine, kind, scenario, wanted, factors, lambda f, g: (f + g) / 2)
     return factors
 

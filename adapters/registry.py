@@ -32,13 +32,14 @@ __all__ = ["ACCURATE", "DEFAULT", "ENGINES", "MAXIMAL", "RECOMMENDED", "SLEEPING
 
 DEFAULT_ENGINES = ("reference", "dart", "bullet", "mujoco")
 """Engines that play where none is named."""
-OPTIONAL_ENGINES = ("drake", "newton", "physx", "rapier")
+OPTIONAL_ENGINES = ("drake", "mujoco_warp", "newton", "physx", "rapier")
 """Engines of ours that play where they are named."""
 OURS = {name: f"touchstone.adapters.engines.{name}:ENTRY" for name in (*DEFAULT_ENGINES, *OPTIONAL_ENGINES)}
 """Engines of this project: name -> entry point, as in `pyproject.toml`."""
 
 
-def _entry_of_ours(name: str) -> Entry:
+def entry_of_ours(name: str) -> Entry:
+    """Entry of an engine of ours; registers nothing."""
     entry: Entry = _named(OURS[name])
     return entry
 
@@ -52,7 +53,7 @@ def _named(place: str) -> Any:
     return found
 
 
-ENGINES.update({name: _entry_of_ours(name) for name in DEFAULT_ENGINES if name not in ENGINES})
+ENGINES.update({name: entry_of_ours(name) for name in DEFAULT_ENGINES if name not in ENGINES})
 
 
 def available() -> tuple[str, ...]:
@@ -71,7 +72,7 @@ def registered(name: str) -> str:
     if name in ENGINES:
         return name
     if name in OURS:
-        ENGINES[name] = _entry_of_ours(name)
+        ENGINES[name] = entry_of_ours(name)
     elif ":" in name:
         own_name, entry = entry_of(name)
         if own_name in available() and ENGINES.get(own_name, entry).implementation != name:
@@ -94,7 +95,7 @@ def installed(name: str) -> bool:
 
 def own_environment(name: str) -> OwnEnvironment | None:
     """Environment of its own that an engine needs; None for one that is installed beside this program."""
-    entry = ENGINES.get(name) or (_entry_of_ours(name) if name in OURS else None)
+    entry = ENGINES.get(name) or (entry_of_ours(name) if name in OURS else None)
     return OwnEnvironment(name, entry.pins) if entry is not None and entry.pins else None
 
 
@@ -145,7 +146,7 @@ def profiles_of(name: str, profile: str = "") -> Mapping[str, float]:
 
 def settings_of(name: str) -> Table:
     """Table of an engine's settings; imports no engine. An engine of others has an empty one."""
-    place = _entry(name).settings
+    place = _known(name).settings
     found: Table = _named(place) if place else Table(profiles_of(name), ())
     return found
 
@@ -208,7 +209,7 @@ def asked_as(name: str) -> str:
 
 def _known(name: str) -> Entry:
     """An engine's entry; asking does not register one of ours."""
-    return ENGINES.get(name) or (_entry_of_ours(name) if name in OURS else _entry(name))
+    return ENGINES.get(name) or (entry_of_ours(name) if name in OURS else _entry(name))
 
 
 def _entry(name: str) -> Entry:

@@ -195,6 +195,26 @@ class Drive:
         # the coupling's inertia has no gyroscopic torque, but that of a part of the body has
         return force, torque + cross(omega, self._before[-1] @ omega)
 
+    def central_start(self) -> tuple[Array, Array]:
+        """Velocity of the mass centre of the root with its ballast, and angular velocity, at the start."""
+        velocity, omega = self.start.linear_velocity[0], self.start.angular_velocity[0]
+        arm = rotation_matrix(self.start_orientation[0]) @ self.root.center_of_mass
+        return velocity + cross(omega, arm), omega
+
+    def central_wrench(
+        self, step: int, position: Array, orientation: Array, velocity: Array, omega: Array
+    ) -> tuple[Array, Array]:
+        """`wrench` for an engine that reports the velocity of the mass centre of the root with its ballast
+        [m/s], and takes the force and the torque there."""
+        arm = rotation_matrix(orientation) @ self.root.center_of_mass
+        force, torque = self.wrench(step, position, orientation, velocity - cross(omega, arm), omega)
+        return force, torque - cross(arm, force)
+
+    def read_central(self, state: State, tracker: int, velocity: Array, omega: Array) -> None:
+        """`read` for an engine that reports the velocity of the mass centre of the root with its ballast."""
+        arm = rotation_matrix(state.orientation[self.links[0]]) @ self.root.center_of_mass
+        self.read(state, tracker, velocity - cross(omega, arm), omega)
+
     def read(self, state: State, tracker: int, velocity: Array, omega: Array) -> None:
         """Write the velocity of the root's mass centre, and the force and torque of the last `wrench` without
         what its ballast took, into a state that has the root's orientation.

@@ -36,6 +36,7 @@ class Entry:
             (`adapters/scripts`); "" if it has none.
         pins: "name==version" of all packages of an environment of its own (`workers/own_environment.py`), for
             requirements that conflict with this program's; () if it needs none.
+        lacks: abilities of `conformance/abilities.py` that its first profile has not.
         keeps_fixed_pieces: whether plans leave it the pieces of fixed bodies that nothing can meet, because
             its steps take longer without them (`touchstone study effects`).
 
@@ -60,6 +61,7 @@ class Entry:
     settings: str = ""
     script: str = ""
     pins: tuple[str, ...] = ()
+    lacks: tuple[str, ...] = ()
     keeps_fixed_pieces: bool = False
 
 

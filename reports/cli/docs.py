@@ -25,6 +25,7 @@ def docs(
 ) -> None:
     """Write the generated pages of the documentation: commands, lists, measurements, stills."""
     from touchstone.adapters.contract import AdapterError
+    from touchstone.reports.docs.engines import engines_page
     from touchstone.reports.docs.measurements import NoResults, page_of
     from touchstone.reports.docs.reference import EFFECTS, commands_page, list_pages, settings_pages
     from touchstone.reports.results import write_beside
@@ -62,6 +63,7 @@ def docs(
         for target, source in pictures.items():
             write_beside(folder / "pictures" / target, partial(shutil.copy, source))
     texts |= {f"../settings/{name}": text for name, text in settings_pages(out / "settings").items()}
+    texts["../engines.md"] = engines_page(out.resolve().parent)
     for name, text in texts.items():
         write_beside(folder / name, partial(_write, text))
         print(out / name.removeprefix("../") if name.startswith("..") else folder / name)

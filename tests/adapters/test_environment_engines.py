@@ -30,13 +30,14 @@ PROFILES = {
     "physx": ("recommended", "default", "pgs"),
     "newton": ("xpbd", "mujoco", "mujoco-elliptic", "steel", "kamino"),
 }
+NO_HINGES = "the adapter has no hinges of driven bodies"
 SPEED, MU, G, HALF = 3.0, 0.5, 9.81, 0.1
 
 
 def needed(name, *values, slow=False):
     """Values of a parametrised test, which is skipped where the engine is not installed."""
     skip = pytest.mark.skipif(not installed(name), reason=f"{name}: {missing_reason(name)}")
-    marks = (skip, pytest.mark.slow) if slow else skip
+    marks = (skip, pytest.mark.engines, *((pytest.mark.slow,) if slow else ()))
     return pytest.param(name, *values, marks=marks, id=" ".join((name, *map(str, values))))
 
 
@@ -147,9 +148,10 @@ def test_a_posed_hand_pushes_a_ball(name, tmp_path):
 @pytest.mark.parametrize(
     ("name", "profile", "scene", "reason"),
     [
-        needed("rapier", "recommended", "grip", "the adapter has no coupled bodies; choose --drive posed"),
-        needed("physx", "recommended", "grip", "the adapter has no coupled bodies; choose --drive posed"),
-        needed("newton", "xpbd", "ball_snip", "the adapter has no driven or prescribed bodies"),
+        needed("rapier", "recommended", "ball_snip", f"{NO_HINGES}; choose --drive posed"),
+        needed("physx", "recommended", "ball_snip", f"{NO_HINGES}; choose --drive posed"),
+        needed("newton", "xpbd", "ball_snip", NO_HINGES),
+        needed("newton", "xpbd", "platform_stick", "the adapter has no kinematic bodies"),
         needed("newton", "mujoco", "bounce_e1", "restitution must be 0 or up to 0.3, found 1 for the pairs"),
         needed("newton", "kamino", "fall", "Kamino steps no scene in which nothing can touch"),
     ],
@@ -159,6 +161,24 @@ def test_what_cannot_be_represented_is_refused(name, profile, scene, reason):
     run = play(catalogue()[scene], [(name, profile)])[name, profile]
     assert run.status == "skipped"
     assert run.reason.startswith(f"{name}: {reason}")
+
+
+@pytest.mark.parametrize(
+    ("name", "profile"),
+    [
+        *(needed("physx", profile) for profile in PROFILES["physx"]),
+        *(needed("newton", profile, slow=True) for profile in ("steel", "kamino")),
+    ],
+)
+def test_plates_hold_a_cube(name, profile):
+    """`grip`: friction of the plates carries the cube; each pair has its own."""
+    scenario = catalogue()["grip"]
+    run = run_of(scenario, name, profile)
+    height = run.recording.position[:, scenario.body_index("cube"), 2]
+    assert height[-1] == pytest.approx(0.04, abs=1e-3)
+    assert abs(height[-1] - height[120]) < 1e-4
+    found = {round(group["friction"], 6) for group in run.recording.facts["pairs"]}
+    assert found == {0.3, 0.7}
 
 
 @pytest.mark.parametrize("name", [needed("rapier")])

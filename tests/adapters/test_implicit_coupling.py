@@ -14,8 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array, Settings, State
 from touchstone.adapters.engines.implicit_coupling import RESOLVED, step_law
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.recording import Recording
+from touchstone.adapters.registry import ENGINES, installed, missing_reason, profiles_of
 from touchstone.adapters.servo import Drive, starting_body
+from touchstone.adapters.workers.play import play
 from touchstone.scenarios.avatar.tracking import ease, sample
 from touchstone.scenarios.difficulty.family import families
 from touchstone.scenarios.scenario import Body, Box, Piece, Scenario, Tracker
@@ -28,6 +30,12 @@ HALF = (0.03, 0.05, 0.02)
 DEEP = 0.01
 """How deep the tracker ends inside the box [m]."""
 NAMES = ("mujoco", "bullet", "dart")
+SINGLE = {
+    "physx": ("recommended", "default", "pgs"),
+    "newton": ("xpbd", "mujoco", "mujoco-elliptic", "steel", "kamino"),
+    "rapier": ("recommended", "default", "accurate"),
+}
+"""Engines in environments of their own, which compute in single precision, and their profiles."""
 
 
 def critical(mass: float, stiffness: float) -> float:
@@ -57,6 +65,31 @@ def played(engine: SimpleNamespace, scenario: Scenario, dt: float) -> Iterator[S
         world.read(state)
         yield state
     world.close()
+
+
+def each(*names: str) -> list:
+    """Engines of SINGLE with their profiles; skipped where not installed, slow where they compile."""
+    return [
+        pytest.param(
+            name,
+            profile,
+            id=f"{name} {profile}",
+            marks=[
+                pytest.mark.engines,
+                pytest.mark.skipif(not installed(name), reason=f"{name}: {missing_reason(name)}"),
+                *([pytest.mark.slow] if name == "newton" else []),
+            ],
+        )
+        for name in names
+        for profile in SINGLE[name]
+    ]
+
+
+def recorded(scenario: Scenario, name: str, profile: str) -> Recording:
+    """What a child process records."""
+    run = play(scenario, [(name, profile)])[name, profile]
+    assert run.status == "done", run.reason
+    return run.recording
 
 
 def closed_form(stiffness: float, damping: float, path: Array, start: Array, dt: float) -> Array:
@@ -121,6 +154,62 @@ def test_free_plates_follow_the_closed_form(lab, registry, name: str, dt: float)
         np.testing.assert_allclose(shown[:, 1:2], turned, atol=1e-8)
 
 
+def plates(lab: SimpleNamespace) -> tuple[Scenario, list[tuple[float, float]]]:
+    """Plates of every mass and stiffness in one scene, which move and turn 1 m apart; these."""
+    times, kinds = np.arange(11) / 30, list(product(MASSES, STIFFNESSES))
+    path = np.cumsum(np.random.default_rng(7).normal(size=(11, 3)) * 0.01, axis=0)
+    turns = np.zeros((11, 3))
+    turns[:, 1] = 0.3 * ease(times, 0.0, times[-1])
+    found = []
+    for k, (mass, stiffness) in enumerate(kinds):
+        body, tracker = plate(mass, stiffness, critical(mass, stiffness), times, path + (k, 0, 0), turns)
+        found.append((replace(body, name=f"plate_{k}"), replace(tracker, root=f"plate_{k}")))
+    bodies, trackers = zip(*found)
+    return lab.scene(*bodies, trackers=trackers, duration=float(times[-1])), kinds
+
+
+@pytest.mark.parametrize(("name", "profile"), each("physx", "newton"))
+def test_free_plates_follow_the_closed_form_in_single_precision(lab, name: str, profile: str) -> None:
+    """Move and turn as Eq. 6 has it, at the engine's own step; two profiles damp what turns."""
+    scenario, kinds = plates(lab)
+    recording, dt = recorded(scenario, name, profile), profiles_of(name)[profile]
+    every = round(1 / 60 / dt)
+    for k, ((mass, stiffness), tracker) in enumerate(zip(kinds, scenario.trackers)):
+        motion = sample(tracker, np.arange(1 + round(scenario.duration / dt)) * dt)
+        rates = stiffness / mass, 2 * (stiffness / mass) ** 0.5
+        exact = closed_form(*rates, motion.position, motion.linear_velocity[0], dt)
+        angle = Rotation.from_quat(motion.orientation, scalar_first=True).as_rotvec()[:, 1:2]
+        turned = closed_form(*rates, angle, motion.angular_velocity[0, 1:2], dt)
+        shown = Rotation.from_quat(recording.orientation[1:, k], scalar_first=True).as_rotvec()
+        far = 1e-5 if (name, profile) == ("newton", "xpbd") else 2e-6
+        np.testing.assert_allclose(recording.position[1:, k], exact[every - 1 :: every], atol=far)
+        within = 1e-3 if profile in ("steel", "default") else 4e-5
+        np.testing.assert_allclose(shown[:, 1:2], turned[every - 1 :: every], atol=within)
+
+
+@pytest.mark.parametrize(("name", "profile"), each("rapier"))
+def test_motors_of_rapier_are_implicit_euler_in_each_substep(lab, name: str, profile: str) -> None:
+    """Move as m (v' - v) = -h (K y' + R v') does in Rapier's substeps of h, for every mass and stiffness."""
+    scenario, kinds = plates(lab)
+    recording, dt = recorded(scenario, name, profile), profiles_of(name)[profile]
+    parts = recording.facts["settings"]["num_solver_iterations"]
+    h = dt / parts
+    for k, ((mass, stiffness), tracker) in enumerate(zip(kinds, scenario.trackers)):
+        motion = sample(tracker, np.arange(1 + round(scenario.duration / dt)) * dt)
+        damping = critical(mass, stiffness)
+        x, v, path = motion.position[0], motion.linear_velocity[0], []
+        for old, new in pairwise(motion.position):
+            pace = (new - old) / dt
+            for part in range(parts):
+                y = x - (old + (part + 1) * h * pace)
+                v = (mass * v - h * stiffness * y + h * damping * pace) / (
+                    mass + h * damping + h * h * stiffness
+                )
+                x = x + h * v
+            path.append(x)
+        np.testing.assert_allclose(recording.position[1:, k], path, atol=4e-6)
+
+
 def pressing(lab: SimpleNamespace, mass: float, stiffness: float) -> Scenario:
     """A plate on a box on the floor, whose tracker goes DEEP into the box within 0.3 s."""
     times = np.arange(91) / 60
@@ -150,6 +239,18 @@ def test_a_plate_presses_with_its_spring(lab, registry, name: str, mass: float, 
     assert force == pytest.approx(stiffness * way, rel=0.01)
     if name != "mujoco":
         assert force == pytest.approx(stiffness * DEEP, rel=0.01)
+
+
+@pytest.mark.parametrize(("name", "profile"), each(*SINGLE))
+def test_a_plate_presses_with_its_spring_in_single_precision(lab, name: str, profile: str) -> None:
+    """Press with K times the distance from the tracker, by what the contacts of plate and box report."""
+    mass, stiffness = 0.4, 1e3
+    recording = recorded(pressing(lab, mass, stiffness), name, profile)
+    rows = recording.contacts
+    met = (rows["body_a"] == 0) & (rows["body_b"] == 1) & (rows["time"] >= 1.25 - 1e-6)
+    force = np.abs(rows["impulse"][met, 2].sum()) / 0.25
+    way = recording.position[-15:, 0, 2].mean() - (0.12 - DEEP)
+    assert force == pytest.approx(stiffness * way, rel=0.01)
 
 
 @pytest.mark.parametrize("dt", STEPS)
@@ -184,6 +285,18 @@ def test_the_added_inertia_feels_no_gravity(lab, registry, name: str) -> None:
     for state in played(registry.engine(name), scenario, 1 / 60):
         assert state.position[0] == pytest.approx(np.ones(3), abs=1e-9)
         assert np.abs(state.force).max() < 1e-6
+
+
+@pytest.mark.parametrize(("name", "profile"), each(*SINGLE))
+def test_a_driven_body_feels_no_gravity_in_single_precision(lab, name: str, profile: str) -> None:
+    """Stay at a tracker that rests, with an off-centre mass and a turned inertia."""
+    times, zero = np.arange(3) / 10, np.zeros((3, 3))
+    body, tracker = plate(0.05, 1e4, 10.0, times, zero + 1.0, zero + 0.4)
+    tensor = ((0.002, 0.0003, -0.0001), (0.0003, 0.003, 0.0002), (-0.0001, 0.0002, 0.0025))
+    body = replace(body, center_of_mass=(0.05, 0.02, -0.03), inertia=tensor)
+    scenario = lab.scene(body, slab("floor", "wood"), trackers=(tracker,), duration=0.2)
+    recording = recorded(scenario, name, profile)
+    np.testing.assert_allclose(recording.position[:, 0], 1.0, atol=1e-5)
 
 
 @pytest.mark.engines

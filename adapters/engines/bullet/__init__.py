@@ -26,6 +26,7 @@ ENTRY = Entry(
     rounding="corners of hulls rounded to about 1e-4 of their size",
     requirement="pybullet",
     last_wheel=(3, 11),
+    lacks=("ellipsoids", "static friction"),
     settings="touchstone.adapters.engines.bullet.settings:SETTINGS",
     script="touchstone.adapters.engines.bullet.script",
 )

@@ -16,6 +16,7 @@ ENTRY = Entry(
     marker="^",
     rounding="vertices of hulls in single precision",
     requirement="dartpy<7",
+    lacks=("static friction", "rolling friction", "torsional friction"),
     settings="touchstone.adapters.engines.dart.settings:SETTINGS",
     script="touchstone.adapters.engines.dart.script",
 )

@@ -11,5 +11,9 @@ ENTRY = Entry(
     color="#56B4E9",
     marker="v",
     requirement="drake",
+    lacks=(
+        *("restitution", "kinematic links", "prescribed bodies", "moving surfaces", "joints between bodies"),
+        *("static friction", "rolling friction", "torsional friction"),
+    ),
     settings="touchstone.adapters.engines.drake.settings:SETTINGS",
 )

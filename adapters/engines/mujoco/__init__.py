@@ -16,6 +16,7 @@ ENTRY = Entry(
     marker="D",
     rounding="vertices of hulls in single precision",
     requirement="mujoco",
+    lacks=("static friction",),
     settings="touchstone.adapters.engines.mujoco.settings:SETTINGS",
     script="touchstone.adapters.engines.mujoco.script",
     # without them its broad phase leaves the narrow one 3.7 times the work in corner_slide: 285 us for 208

@@ -100,7 +100,13 @@ class MujocoEngine:
         except ValueError as error:
             raise Unsupported(f"mujoco: {error}") from error
         ids = [bodies[k].id for k in range(len(scenario.bodies))]
-        return World(model, ids, scenario, settings, drives)
+        return self.world_of(model, ids, scenario, settings, drives)
+
+    def world_of(
+        self, model: Any, body: list[int], scenario: Scenario, settings: Settings, drives: list[Drive]
+    ) -> World:
+        """What steps a compiled model."""
+        return World(model, body, scenario, settings, drives)
 
     def version(self) -> str:
         """Version of the loaded library."""

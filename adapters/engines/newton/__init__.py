@@ -13,6 +13,10 @@ ENTRY = Entry(
     requirement="newton",
     compiles="touchstone.adapters.engines.newton:compile_note",
     settings="touchstone.adapters.engines.newton.settings:SETTINGS",
+    lacks=(
+        *("hinges of driven bodies", "kinematic links", "prescribed bodies", "moving surfaces"),
+        *("joints between bodies", "static friction", "rolling friction", "torsional friction", "sleeping"),
+    ),
     pins=(
         "absl-py==2.5.1",
         "etils==1.15.0",

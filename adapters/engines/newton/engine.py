@@ -40,7 +40,9 @@ from touchstone.adapters.contract import (
 )
 from touchstone.adapters.engines.newton import ENTRY, KAMINO, STEEL
 from touchstone.adapters.engines.newton.model import CPU, INELASTIC, OF_MUJOCO, WORLD, model_of, solver_of
+from touchstone.adapters.posed_drive import coupled
 from touchstone.adapters.registry import require_profile
+from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import Scenario
 
@@ -67,8 +69,10 @@ class NewtonEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
-        if scenario.trackers:
-            raise Unsupported("newton: the adapter has no driven or prescribed bodies")
+        if len(coupled(scenario, settings)) < len(scenario.trackers):
+            raise Unsupported("newton: the adapter has no kinematic bodies")
+        if any(tracker.joints for tracker in scenario.trackers):
+            raise Unsupported("newton: the adapter has no hinges of driven bodies")
         if any(map(surface_moves, scenario.bodies)):
             raise Unsupported("newton: the adapter has no moving surfaces")
         if settings.sleeping:
@@ -88,12 +92,14 @@ class World:
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
         self._scenario, self._settings = scenario, settings
-        self._model, bodies, owners = model_of(scenario, settings.profile)
+        self._drives = [Drive(scenario, one, settings.dt, settings.drive) for one in scenario.trackers]
+        masses = simulated_masses(scenario, self._drives)
+        self._model, bodies, owners = model_of(scenario, settings.profile, masses)
         self._bodies, self._owners = np.array(bodies), np.array(owners)
         self._free = np.flatnonzero(self._bodies != WORLD)
         self._fixed = np.flatnonzero(self._bodies == WORLD)
         self._now, self._before = self._model.state(), self._model.state()
-        self._set_velocities()
+        self._set_motion()
         self._solver, self._control = solver_of(self._model, settings), self._model.control()
         self._detector: Any = None
         if settings.profile in OF_MUJOCO:
@@ -108,25 +114,42 @@ class World:
         self._observed = self._solver.observables(kinds, contacts=self._contacts)
         self._room = self._observed.overflow if OVERFLOW in kinds else None
         self._steps = 0
-        self.drive(0)
+        self._start = self._now.body_q.numpy().astype(float)
 
-    def _set_velocities(self) -> None:
+    def _set_motion(self) -> None:
+        """Set velocities, and the poses of driven bodies, at the start."""
         if not len(self._free):
             return
-        moved = self._now.body_qd.numpy()
+        moved, place = self._now.body_qd.numpy(), self._now.body_q.numpy()
         for k in self._free:
             body = self._scenario.bodies[k]
             moved[self._bodies[k]] = *body.linear_velocity, *body.angular_velocity
+        for drive in self._drives:
+            root = self._bodies[drive.links[0]]
+            place[root] = *drive.start_position[0], *np.roll(drive.start_orientation[0], -1)
+            moved[root] = np.concatenate(drive.central_start())
+        self._now.body_q.assign(place)
         self._now.body_qd.assign(moved)
         newton.eval_ik(self._model, self._now, self._now.joint_q, self._now.joint_qd)
 
     def drive(self, step: int) -> None:
-        """Keep the poses of the step's start, for its contacts: XPBD overwrites its input state."""
+        """Apply force and torque to the roots, which feel no gravity. Keep the poses of the step's start, for
+        its contacts: XPBD overwrites its input state."""
         self._start = self._now.body_q.numpy().astype(float)
+        self._now.clear_forces()
+        if not self._drives:
+            return
+        moved, pushed = self._now.body_qd.numpy().astype(float), self._now.body_f.numpy()
+        for drive in self._drives:
+            root = self._bodies[drive.links[0]]
+            place, turn = self._start[root, :3], np.roll(self._start[root, 3:], 1)
+            force, torque = drive.central_wrench(step, place, turn, moved[root, :3], moved[root, 3:])
+            lifted = drive.root.mass * np.array(self._scenario.acting_gravity)
+            pushed[root] = *(force - lifted), *torque
+        self._now.body_f.assign(pushed)
 
     def step(self) -> None:
         """Find contacts, where the solver does not, and advance by one step."""
-        self._now.clear_forces()
         if self._detector is not None:
             self._detector.collide(self._now, self._contacts)
         given = self._now, self._before, self._control, self._contacts, self._settings.dt
@@ -148,6 +171,11 @@ class World:
             state.orientation[self._free] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
             state.linear_velocity[self._free] = moved[:, :3]
             state.angular_velocity[self._free] = moved[:, 3:]
+        for number, drive in enumerate(self._drives):
+            root = drive.links[0]
+            drive.read_central(
+                state, number, *(one[root].copy() for one in (state.linear_velocity, state.angular_velocity))
+            )
         self._read_contacts(state)
 
     def _read_contacts(self, state: State) -> None:
@@ -192,8 +220,9 @@ class World:
             profile=self._settings.profile,
             dt=self._settings.dt,
             settings=self._facts(),
-            bodies=facts,
+            bodies=without_ballast(facts, scenario, self._drives),
             pairs=self._pairs(),
+            drives={one.root: drive.gains() for one, drive in zip(scenario.trackers, self._drives)},
             pieces={body.name: int((self._owners == k).sum()) for k, body in enumerate(scenario.bodies)},
             freedom=int(model.joint_dof_count),
         )
@@ -206,6 +235,7 @@ class World:
             "warp": version("warp-lang"),
             "gravity_vector": str(model.gravity.numpy()[0].astype(float).tolist()),
             "collision_shapes": int(model.shape_count),
+            "root_drive": ROOT_DRIVES[self._settings.drive],
         }
         if self._settings.profile in OF_MUJOCO:
             options = ("iterations", "ls_iterations", "tolerance", "impratio", "cone", "solver", "integrator")
@@ -226,7 +256,10 @@ class World:
         found = []
         for a, b in self._scenario.touching_pairs():
             of = [first[a], first[b]]
-            friction = mu[of].max() if self._settings.profile in OF_MUJOCO else mu[of].mean()
+            friction = mu[of].mean()
+            if self._settings.profile in OF_MUJOCO:
+                first_rank, other_rank = self._model.mujoco.geom_priority.numpy()[of]
+                friction = mu[of].max() if first_rank == other_rank else mu[of[int(other_rank > first_rank)]]
             names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
             found.append(PairFacts(*names, float(e[of].mean()), float(friction)))
         return tuple(found)

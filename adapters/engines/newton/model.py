@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import newton
@@ -9,7 +10,8 @@ import numpy as np
 import warp
 from scipy.spatial import ConvexHull
 
-from touchstone.adapters.contract import Array, Settings, Unsupported
+from touchstone.adapters.contract import Array, BodyFacts, Settings, Unsupported
+from touchstone.adapters.engines.mujoco.masks import contact_filter
 from touchstone.adapters.engines.newton import ELLIPTIC, KAMINO, MUJOCO, STEEL, XPBD
 from touchstone.adapters.engines.newton.settings import SETTINGS
 from touchstone.adapters.material_combine import (
@@ -33,25 +35,48 @@ CPU = "cpu"
 OF_MUJOCO = (MUJOCO, ELLIPTIC)
 INELASTIC = (*OF_MUJOCO, KAMINO)
 """Profiles whose solver has no restitution."""
+PRIORITY = "mujoco:geom_priority"
+"""Attribute of a shape: of two shapes, the one of higher priority gives the friction."""
 WORLD = -1
 """Body to which Newton attaches the shapes of fixed bodies."""
 
 
-def factors_of(scenario: Scenario, profile: str) -> tuple[list[float], list[float]]:
-    """Friction and restitution per body, by the combine rule of the profile's solver."""
-    bounce, rubbing = restitutions(scenario), frictions(scenario)
-    mix = maximum_factors if profile in OF_MUJOCO else mean_factors
-    friction = mix("newton", "friction", scenario, rubbing)
+def frictions_of(scenario: Scenario, profile: str) -> tuple[list[float], list[int]]:
+    """Friction per body by the combine rule of the profile's solver, and MuJoCo's priority per body, which
+    are equal where the larger friction gives each pair its own."""
+    wanted, even = frictions(scenario), [0] * len(scenario.bodies)
+    if profile not in OF_MUJOCO:
+        return mean_factors("newton", "friction", scenario, wanted, signed=True), even
+    try:
+        return maximum_factors("newton", "friction", scenario, wanted), even
+    except Unsupported:
+        found = contact_filter(scenario)
+        if found.explicit:
+            raise
+    friction, priority = [0.0] * len(scenario.bodies), even
+    for k, geom in found.geoms.items():
+        friction[k], priority[k] = geom.coefficients[1], geom.priority
+    return friction, priority
+
+
+def restitutions_of(scenario: Scenario, profile: str) -> list[float]:
+    """Restitution per body, by the combine rule of the profile's solver."""
+    wanted = restitutions(scenario)
     if profile in INELASTIC:
-        check_range("newton", "restitution", scenario, bounce, greatest=RESTITUTION_MAX)
-        return friction, [0.0] * len(scenario.bodies)
-    return friction, mean_factors("newton", "restitution", scenario, bounce)
+        check_range("newton", "restitution", scenario, wanted, greatest=RESTITUTION_MAX)
+        return [0.0] * len(scenario.bodies)
+    return mean_factors("newton", "restitution", scenario, wanted)
 
 
-def model_of(scenario: Scenario, profile: str) -> tuple[Any, list[int], list[int]]:
-    """Newton's model, Newton's body per body of the scenario (WORLD: fixed), and the body of each shape."""
+def model_of(
+    scenario: Scenario, profile: str, masses: Sequence[Body | BodyFacts]
+) -> tuple[Any, list[int], list[int]]:
+    """Newton's model with the masses of all bodies, Newton's body per body of the scenario (WORLD: fixed),
+    and the body of each shape."""
     builder = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
-    friction, restitution = factors_of(scenario, profile)
+    (friction, priority), restitution = frictions_of(scenario, profile), restitutions_of(scenario, profile)
+    if profile in OF_MUJOCO:
+        newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
     bodies, owners = [], []
     for k, body in enumerate(scenario.bodies):
         own = pose(body.position, body.orientation)
@@ -59,10 +84,13 @@ def model_of(scenario: Scenario, profile: str) -> tuple[Any, list[int], list[int
         config = newton.ModelBuilder.ShapeConfig(
             density=0.0, mu=friction[k], restitution=restitution[k], mu_torsional=0.0, mu_rolling=0.0
         )
-        bodies.append(WORLD if fixed else _add_body(builder, body, own))
+        given = {"cfg": config}
+        if priority[k]:
+            given["custom_attributes"] = {PRIORITY: priority[k]}
+        bodies.append(WORLD if fixed else _add_body(builder, body.name, masses[k], own))
         for piece in body.pieces:
             place = pose(piece.position, piece.orientation)
-            _add_piece(builder, bodies[k], piece, own * place if fixed else place, config)
+            _add_piece(builder, bodies[k], piece, own * place if fixed else place, given)
             owners.append(k)
     return builder.finalize(device=CPU), bodies, owners
 
@@ -73,17 +101,17 @@ def pose(position: Any, orientation: Any) -> Any:
     return warp.transform(tuple(position), warp.quat(x, y, z, w))
 
 
-def _add_body(builder: Any, body: Body, own: Any) -> int:
-    inertia = warp.mat33(np.array(body.inertia, dtype=np.float32))
-    com = tuple(body.center_of_mass)
+def _add_body(builder: Any, name: str, masses: Body | BodyFacts, own: Any) -> int:
+    inertia = warp.mat33(np.array(masses.inertia, dtype=np.float32))
+    com = tuple(masses.center_of_mass)
     index: int = builder.add_body(
-        xform=own, com=com, inertia=inertia, mass=body.mass, label=body.name, lock_inertia=True
+        xform=own, com=com, inertia=inertia, mass=masses.mass, label=name, lock_inertia=True
     )
     return index
 
 
-def _add_piece(builder: Any, body: int, piece: Piece, place: Any, config: Any) -> None:
-    given = {"xform": place, "cfg": config}
+def _add_piece(builder: Any, body: int, piece: Piece, place: Any, given: dict[str, Any]) -> None:
+    given = {"xform": place, **given}
     match piece.shape:
         case shapes.Sphere(radius):
             builder.add_shape_sphere(body, radius=radius, **given)

@@ -28,6 +28,7 @@ from touchstone.adapters.engines.physx import ENTRY
 from touchstone.adapters.engines.physx.model import add_bodies, facts_of, mass_facts, pose, scene_of
 from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import require_profile
+from touchstone.adapters.servo import ROOT_DRIVES, Drive, without_ballast
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import Scenario
 
@@ -41,8 +42,8 @@ class PhysxEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
-        if coupled(scenario, settings):
-            raise Unsupported("physx: the adapter has no coupled bodies; choose --drive posed")
+        if any(scenario.trackers[k].joints for k in coupled(scenario, settings)):
+            raise Unsupported("physx: the adapter has no hinges of driven bodies; choose --drive posed")
         if any(map(surface_moves, scenario.bodies)):
             raise Unsupported("physx: the adapter has no moving surfaces")
         return World(scenario, settings)
@@ -60,7 +61,10 @@ class World:
         self._scene, self._system = scene_of(settings, scenario.acting_gravity)
         self._posed = posed_of(scenario, settings)
         posed = {link: one for one, _ in self._posed for link in one.links}
-        self._added = add_bodies(self._scene, scenario, settings, posed)
+        self._coupled = coupled(scenario, settings)
+        driven = [scenario.trackers[k] for k in self._coupled]
+        self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
+        self._added = add_bodies(self._scene, scenario, settings, posed, self._drives)
         self._number = {component: k for k, (_, component) in enumerate(self._added)}
         still = [body.kind == "fixed" or k in posed for k, body in enumerate(scenario.bodies)]
         self._moving = [k for k, fixed in enumerate(still) if not fixed]
@@ -69,8 +73,13 @@ class World:
         self._moment = 0
 
     def drive(self, step: int) -> None:
-        """Give kinematic bodies their poses at the step's end."""
+        """Apply force and torque to the roots; give kinematic bodies their poses at the step's end."""
         self._moment = step + 1
+        for drive in self._drives:
+            entity, body = self._added[drive.links[0]]
+            place, turn = entity.pose.p.astype(float), entity.pose.q.astype(float)
+            moved = body.linear_velocity.astype(float), body.angular_velocity.astype(float)
+            body.add_force_torque(*drive.central_wrench(step, place, turn, *moved), "force")
         for one, _ in self._posed:
             for k, link in enumerate(one.links):
                 target = pose(one.place[k, step + 1], one.orientation[k, step + 1])
@@ -91,6 +100,11 @@ class World:
             state.linear_velocity[k], state.angular_velocity[k] = body.linear_velocity, body.angular_velocity
         for one, hinges in self._posed:
             one.show(self._moment, state, hinges)
+        for k, drive in zip(self._coupled, self._drives):
+            body = self._added[drive.links[0]][1]
+            drive.read_central(
+                state, k, body.linear_velocity.astype(float), body.angular_velocity.astype(float)
+            )
         self._read_contacts(state)
 
     def _read_contacts(self, state: State) -> None:
@@ -119,8 +133,13 @@ class World:
             version=version("sapien"),
             profile=self._settings.profile,
             dt=self._settings.dt,
-            settings=facts_of(self._system, components),
-            bodies={names[k]: mass_facts(components[k]) for k in self._moving},
+            settings={**facts_of(self._system, components), "root_drive": ROOT_DRIVES[self._settings.drive]},
+            drives={
+                scenario.trackers[k].root: drive.gains() for k, drive in zip(self._coupled, self._drives)
+            },
+            bodies=without_ballast(
+                {names[k]: mass_facts(components[k]) for k in self._moving}, scenario, self._drives
+            ),
             pairs=tuple(
                 PairFacts(names[a], names[b], *self._combined(components[a], components[b]))
                 for a, b in scenario.touching_pairs()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from touchstone.adapters.contract import (
 from touchstone.adapters.engines.physx.settings import SETTINGS
 from touchstone.adapters.material_combine import frictions, mean_factors, restitutions
 from touchstone.adapters.posed_drive import Posed
+from touchstone.adapters.servo import Drive
 from touchstone.scenarios import scenario as shapes
 from touchstone.scenarios.scenario import UNMOVED, Body, Piece, Scenario
 
@@ -65,13 +66,14 @@ def scene_of(settings: Settings, gravity: tuple[float, ...]) -> tuple[Any, Any]:
 
 
 def add_bodies(
-    scene: Any, scenario: Scenario, settings: Settings, posed: Mapping[int, Posed]
+    scene: Any, scenario: Scenario, settings: Settings, posed: Mapping[int, Posed], drives: Sequence[Drive]
 ) -> list[tuple[Any, Any]]:
-    """Add all bodies, those of `posed` as kinematic ones at the start of their motion; SAPIEN's entity and
-    component of each."""
-    friction = mean_factors("physx", "friction", scenario, frictions(scenario))
+    """Add all bodies, those of `posed` as kinematic ones at the start of their motion, and the roots of
+    `drives` with their ballast, without gravity; SAPIEN's entity and component of each."""
+    friction = mean_factors("physx", "friction", scenario, frictions(scenario), signed=True)
     restitution = mean_factors("physx", "restitution", scenario, restitutions(scenario))
     values = SETTINGS.in_force(settings.profile, settings.changes)
+    roots = {drive.links[0]: drive for drive in drives}
     added = []
     for k, body in enumerate(scenario.bodies):
         fixed = body.kind in UNMOVED and k not in posed
@@ -88,11 +90,17 @@ def add_bodies(
             link = posed[k].links.index(k)
             component.set_kinematic(True)
             entity.set_pose(pose(posed[k].place[link, 0], posed[k].orientation[link, 0]))
+        elif k in roots:
+            entity.set_pose(pose(roots[k].start_position[0], roots[k].start_orientation[0]))
         else:
             entity.set_pose(pose(body.position, body.orientation))
         scene.add_entity(entity)
-        if not fixed and k not in posed:
-            _set_motion(component, body, values, settings.sleeping)
+        if k in roots:
+            component.set_disable_gravity(True)
+            _set_motion(component, roots[k].root, roots[k].central_start(), values, 0.0)
+        elif not fixed and k not in posed:
+            moved = np.array(body.linear_velocity), np.array(body.angular_velocity)
+            _set_motion(component, body, moved, values, SLEEP_THRESHOLD if settings.sleeping else 0.0)
         added.append((entity, component))
     return added
 
@@ -102,7 +110,13 @@ def pose(position: Any, orientation: Any) -> Any:
     return sapien.Pose(tuple(map(float, position)), tuple(map(float, orientation)))
 
 
-def _set_motion(component: Any, body: Body, values: Mapping[str, Any], sleeping: bool) -> None:
+def _set_motion(
+    component: Any,
+    body: Body | BodyFacts,
+    moved: tuple[Array, Array],
+    values: Mapping[str, Any],
+    threshold: float,
+) -> None:
     """Mass, inertia, velocities and settings of a body that PhysX moves."""
     moments, axes = np.linalg.eigh(np.array(body.inertia))
     if np.linalg.det(axes) < 0:
@@ -111,9 +125,9 @@ def _set_motion(component: Any, body: Body, values: Mapping[str, Any], sleeping:
     component.set_cmass_local_pose(pose(body.center_of_mass, turn))
     component.set_mass(body.mass)
     component.set_inertia(tuple(moments))
-    component.set_linear_velocity(tuple(body.linear_velocity))
-    component.set_angular_velocity(tuple(body.angular_velocity))
-    component.set_sleep_threshold(SLEEP_THRESHOLD if sleeping else 0.0)
+    component.set_linear_velocity(moved[0])
+    component.set_angular_velocity(moved[1])
+    component.set_sleep_threshold(threshold)
     for name in OF_BODIES:
         setattr(component, name, values[name])
 

@@ -37,7 +37,9 @@ from touchstone.adapters.contract import (
 )
 from touchstone.adapters.engines.rapier import ENTRY
 from touchstone.adapters.engines.rapier.model import (
+    UNTURNED,
     add_bodies,
+    add_coupling,
     facts_of,
     mass_facts,
     pose,
@@ -47,12 +49,15 @@ from touchstone.adapters.engines.rapier.model import (
 )
 from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import require_profile
+from touchstone.adapters.servo import ROOT_DRIVES, Drive
 from touchstone.adapters.vector_products import turned
 from touchstone.scenarios.avatar.surface_motion import surface_moves
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import ORIGIN, Scenario
 
 POINT = (1 << 31) - 1
 """Bits of a solver contact's number that are its point; the highest one marks new contacts."""
+
+ROOT_DRIVE = "motors to kinematic bodies at the tracker: implicit Euler in each substep"
 
 STAGES = {
     "collision": ("collision_detection",),
@@ -71,8 +76,11 @@ class RapierEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
-        if coupled(scenario, settings):
-            raise Unsupported("rapier: the adapter has no coupled bodies; choose --drive posed")
+        others = coupled(scenario, settings)
+        if any(scenario.trackers[k].joints for k in others):
+            raise Unsupported("rapier: the adapter has no hinges of driven bodies; choose --drive posed")
+        if others and settings.drive != "native":
+            raise Unsupported("rapier: forces act in each substep, not once; choose --drive native")
         if any(map(surface_moves, scenario.bodies)):
             raise Unsupported("rapier: the adapter has no moving surfaces")
         return World(scenario, settings)
@@ -90,7 +98,12 @@ class World:
         self._world = world_of(settings, scenario.acting_gravity)
         self._posed = posed_of(scenario, settings)
         posed = {link: one for one, _ in self._posed for link in one.links}
+        driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
+        self._drives = {one.root: Drive(scenario, one, settings.dt, "torque") for one in driven}
         self._handles, self._rules = add_bodies(self._world, scenario, settings, posed)
+        self._anchors = [
+            add_coupling(self._world, one, self._handles[one.links[0]]) for one in self._drives.values()
+        ]
         self._bodies = [self._world.rigid_bodies[handle] for handle in self._handles]
         self._moving = [k for k, body in enumerate(self._bodies) if body.is_dynamic]
         # poses of the step's start, those of the contacts; fixed bodies keep theirs
@@ -104,8 +117,11 @@ class World:
         self._moment = 0
 
     def drive(self, step: int) -> None:
-        """Give kinematic bodies their poses at the step's end."""
+        """Give kinematic bodies, those at the trackers too, their poses at the step's end."""
         self._moment = step + 1
+        for drive, (place, turn) in zip(self._drives.values(), self._anchors):
+            place.set_next_kinematic_position(pose(drive.target.position[step], UNTURNED))
+            turn.set_next_kinematic_position(pose(ORIGIN, drive.target.orientation[step]))
         for one, _ in self._posed:
             for k, link in enumerate(one.links):
                 place = pose(one.place[k, step + 1], one.orientation[k, step + 1])
@@ -175,11 +191,13 @@ class World:
             version=version("rapier3d"),
             profile=self._settings.profile,
             dt=self._settings.dt,
-            settings=facts_of(world, self._settings, self._rules),
+            settings=facts_of(world, self._settings, self._rules)
+            | {"root_drive": ROOT_DRIVE if self._anchors else ROOT_DRIVES["posed"]},
             bodies={names[k]: mass_facts(self._bodies[k]) for k in self._moving},
             pairs=tuple(
                 PairFacts(names[a], names[b], *self._combined(a, b)) for a, b in scenario.touching_pairs()
             ),
+            drives={root: drive.gains() for root, drive in self._drives.items()},
             pieces={name: len(body.colliders) for name, body in zip(names, self._bodies)},
             freedom=6 * len(self._moving),
         )

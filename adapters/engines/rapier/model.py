@@ -29,8 +29,9 @@ from touchstone.adapters.material_combine import (
     restitutions,
 )
 from touchstone.adapters.posed_drive import Posed
+from touchstone.adapters.servo import Drive
 from touchstone.scenarios import scenario as shapes
-from touchstone.scenarios.scenario import UNMOVED, Body, Piece, Scenario
+from touchstone.scenarios.scenario import ORIGIN, UNMOVED, Body, Piece, Scenario
 
 Rule = tuple[Any, Callable[..., list[float]], Callable[[float, float], float]]
 RULES: tuple[Rule, ...] = (
@@ -40,6 +41,9 @@ RULES: tuple[Rule, ...] = (
     (rapier3d.CoefficientCombineRule.MAX, maximum_factors, max),
 )
 """Rapier's combine rules, its default first: rule, factors per body for it, what it makes of two."""
+LINEAR, ANGULAR = ("LIN_X", "LIN_Y", "LIN_Z"), ("ANG_X", "ANG_Y", "ANG_Z")
+"""Axes of a joint, as Rapier calls them."""
+UNTURNED = (1.0, 0.0, 0.0, 0.0)
 FRICTION_MODELS = (rapier3d.FrictionModel.SIMPLIFIED, rapier3d.FrictionModel.COULOMB)
 SPRINGS = {
     "contact_softness": ("contact_frequency", "contact_damping_ratio"),
@@ -111,6 +115,40 @@ def add_bodies(
         handles.append(world.add_body(builder.position(pose(place, turn)), colliders=parts))
         world.rigid_bodies[handles[k]].recompute_mass_properties_from_colliders(world.colliders)
     return handles, (friction, restitution)
+
+
+def add_coupling(world: Any, drive: Drive, handle: Any) -> tuple[Any, Any]:
+    """Put the root of a driver at its start, without gravity, and tie it by motors to two kinematic bodies,
+    which are returned: one has the position of its tracker and does not turn, the other its orientation.
+
+    With one for both, the motors would damp the motion relative to the turning tracker.
+    """
+    root, place, turn = world.rigid_bodies[handle], drive.start_position[0], drive.start_orientation[0]
+    root.position = pose(place, turn)
+    root.gravity_scale = 0.0
+    velocity, omega = drive.central_start()
+    root.linvel, root.angvel = tuple(velocity.tolist()), tuple(omega.tolist())
+    moments, axes = np.linalg.eigh(drive.inertia)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] = -axes[:, 0]
+    linear = [(drive.stiffness, drive.damping)] * 3
+    angular = [(moment * drive.frequency**2, 2 * moment * drive.frequency) for moment in moments.tolist()]
+    principal = Rotation.from_matrix(axes).as_quat(scalar_first=True)
+    given = ((LINEAR, linear, place, UNTURNED, UNTURNED), (ANGULAR, angular, ORIGIN, turn, principal))
+    anchors = []
+    for names, gains, position, orientation, frame in given:
+        own = pose(ORIGIN, frame)
+        joint = (
+            rapier3d.GenericJoint.builder(rapier3d.JointAxesMask.empty()).local_frame1(own).local_frame2(own)
+        )
+        for name, (stiffness, damping) in zip(names, gains):
+            axis = getattr(rapier3d.JointAxis, name)
+            joint = joint.motor(axis, 0.0, 0.0, stiffness, damping)
+            joint = joint.motor_model(axis, rapier3d.MotorModel.FORCE_BASED)
+        one = rapier3d.RigidBody.kinematic_position_based().position(pose(position, orientation))
+        anchors.append(world.add_body(one))
+        world.impulse_joints.insert(anchors[-1], handle, joint.build())
+    return world.rigid_bodies[anchors[0]], world.rigid_bodies[anchors[1]]
 
 
 def pose(position: Any, orientation: Any) -> Any:

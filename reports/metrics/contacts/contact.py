@@ -18,7 +18,7 @@ AUDIT_LIMIT = 0.01
 DRIVEN_AUDIT_LIMIT = 0.1
 """The same limit for driven bodies [relative]. Short touches of a turning hand reach 0.07 in first-order
 steps (`ball_snip`); half the impulse would be 0.5."""
-UNDRIVEN = "the engine poses its driven bodies itself: no drive to balance"
+UNDRIVEN = "the engine poses its driven bodies, or reports no drive: nothing to balance"
 LACKING = "the engine reports no impulses of friction"
 UNTOUCHED = 1e-9
 """Change of velocity over |v| + g T, both at their largest, below which it is rounding in double precision
@@ -93,6 +93,8 @@ def impulse_balance_driven(context: Context) -> Values:
     The sums are over its links; the drive is the impulse on its root. Hinges and their servos act within the
     body, and driven bodies feel no gravity.
     """
+    if lacks_friction(context):
+        raise NotMeasured(LACKING)
     rows, r = context.recording.contacts, context.recording
     found = {}
     for k, tracker in enumerate(context.scenario.trackers):

@@ -11,6 +11,7 @@ import typer
 
 from touchstone.adapters.registry import settings_of
 from touchstone.reports.cli.main import app
+from touchstone.reports.docs.engines import engines_page
 from touchstone.reports.docs.measurements import NoResults, page_of
 from touchstone.reports.docs.reference import (
     EFFECTS,
@@ -31,6 +32,7 @@ def test_generated_pages_are_current():
     """Pages that follow from the code equal those in docs/; else run `touchstone docs`."""
     pictures = {scene.name: f"pictures/{scene.name}.png" for scene in tagged("gallery")}
     pages = {"commands.md": commands_page(typer.main.get_command(app)), **list_pages(pictures)}
+    pages["../engines.md"] = engines_page(GENERATED.parents[1])
     stale = [name for name, text in pages.items() if (GENERATED / name).read_text() != text]
     assert not stale, "run `touchstone docs`"
 

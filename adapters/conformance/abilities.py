@@ -1,0 +1,41 @@
+"""What engines can represent: per ability a scene of the catalogue, which an engine builds or refuses."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from touchstone.adapters.contract import DRIVES, Settings
+from touchstone.adapters.registry import profiles_of
+
+
+class Asked(NamedTuple):
+    """A scene that needs an ability, and how it is played."""
+
+    scene: str
+    drive: str = DRIVES[0]
+    sleeping: bool = False
+
+    def settings(self, name: str) -> Settings:
+        """Of an engine's first profile."""
+        profile, dt = next(iter(profiles_of(name).items()))
+        return Settings(profile, dt, drive=self.drive, sleeping=self.sleeping)
+
+
+ABILITIES = {
+    "capsules": Asked("ladder"),
+    "cylinders": Asked("cylinder_slides"),
+    "ellipsoids": Asked("ellipsoid_rolls"),
+    "hulls": Asked("tiles_slip"),
+    "restitution": Asked("elastic_impacts"),
+    "driven bodies": Asked("press"),
+    "hinges of driven bodies": Asked("ball_snip"),
+    "kinematic links": Asked("ball_snip", drive="posed"),
+    "prescribed bodies": Asked("platform_stick"),
+    "moving surfaces": Asked("belt"),
+    "joints between bodies": Asked("cart_slope"),
+    "static friction": Asked("slope_of_blocks"),
+    "rolling friction": Asked("slope_of_balls"),
+    "torsional friction": Asked("spins_to_rest"),
+    "sleeping": Asked("stack", sleeping=True),
+}
+"""Abilities beyond spheres, boxes and Coulomb's law, which all engines have."""
