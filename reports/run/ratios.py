@@ -159,8 +159,8 @@ def _statistics(study: str, scenario: Scenario, mine: Timed, theirs: Timed) -> I
 
 
 def _judged(kind: str, row: Row, stages: str, scenario: Scenario, frames: float, median: float) -> Row:
-    """The row with the verdict on its time; a profile that aims at a ratio fails where the reference's overlap
-    is larger."""
+    """The row with the verdict on its time; a profile that aims at a ratio fails where its overlap is
+    larger."""
     found = judged_time(kind, row, scenario.tags, stages, frames, median)
     if isnan(found.limit):
         return found

@@ -280,8 +280,8 @@ def test_a_scene_of_any_magnitudes_is_refused_or_has_an_outcome(tmp_path, data, 
 
 
 BUDGET, SLOWEST = 2.0, 20.0
-"""Time of the frames of a case after which no further one is played, and of a whole case, in which that of one
-frame and its judgement is [s of processor time]: a thousand times what they take."""
+"""Time of the frames of a case after which no further one is played, and processor time of a case [s]: a
+thousand times what a few frames of at most ten bodies take."""
 TRACKER = (
     "time,x,y,z,qw,qx,qy,qz,a,b.angle\n0,0,0,0,1,0,0,0,0,0\n0.5,1,0,0,0,1,0,0,0.5,-1\n1,2,0,0,1,0,0,0,0,1\n"
 )

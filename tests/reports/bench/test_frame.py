@@ -217,8 +217,8 @@ def test_one_run_is_confirmed_by_the_interval_of_its_medians(monkeypatch) -> Non
 
 
 def test_overlap_fails_what_aims_at_a_ratio(monkeypatch, shown) -> None:
-    """A larger overlap than the engine's fails `balanced` below its limit, and the table says so; `paper`, which
-    aims at no ratio, is judged by its growth alone."""
+    """A larger overlap than the engine's fails `balanced` below its limit, and the table says so; `paper`,
+    which aims at no ratio, is judged by its growth alone."""
     measured = {("ball_snip", profile, "own steps", RATIO): 0.1 for profile in ("balanced", "paper")}
     monkeypatch.setattr(time_limits, "_measured", lambda: measured)
     contact = np.ones(60, dtype=bool)
