@@ -175,7 +175,7 @@ def test_the_first_line_of_an_own_scene_names_the_farthest_body(touchstone, tmp_
 
 
 def test_equal_paths_are_no_distance(apart):
-    """Where all columns move alike no body is named."""
+    """Where all columns are equal no body is named."""
     assert headlines(apart(one=np.zeros(31), other=np.zeros(31))) == [
         "farthest apart: no body, all paths are equal"
     ]
