@@ -89,6 +89,7 @@ MOST_FRAMES = 10**9
 """Number of frames that no memory holds [1]."""
 
 
+@np.errstate(all="ignore")  # numbers that overflow are faults themselves, and warn nobody
 def faults(scenario: Scenario) -> list[tuple[str, str]]:
     """All faults of a scenario as (path of the field, what was found and what is expected)."""
     found: list[tuple[str, str]] = []

@@ -307,5 +307,6 @@ def _judged(frame: pd.DataFrame) -> Part:
         between = f"{exact_number(row.low)} to {exact_number(row.high)}"
         over = row.subject.replace(", drive=", " ")
         cells = (row.scenario, row.profile, over, statistic, value_text(row), between)
-        lines.append([*cells, limit_text(row)])
+        deeper = row.verdict == "fail" and row.value <= row.limit
+        lines.append([*cells, limit_text(row) + Text(", overlap larger" if deeper else "")])
     return Part("bench frame: the reference over the fastest engine", JUDGED, lines, words=4)

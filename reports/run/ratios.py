@@ -23,7 +23,7 @@ from touchstone.adapters.registry import ENGINES
 from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, mean, restart_ratio
 from touchstone.reports.metrics.context import ROUNDING
 from touchstone.reports.results import UNJUDGED, Row
-from touchstone.reports.run.time_limits import POSED_LABEL, judged_time, kind_of
+from touchstone.reports.run.time_limits import AIMING, POSED_LABEL, judged_time, kind_of
 from touchstone.reports.runner.reproduce import reproduce
 from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
 from touchstone.reports.verdict.limits import is_foreign
@@ -159,11 +159,12 @@ def _statistics(study: str, scenario: Scenario, mine: Timed, theirs: Timed) -> I
 
 
 def _judged(kind: str, row: Row, stages: str, scenario: Scenario, frames: float, median: float) -> Row:
-    """The row with the verdict on its time; it fails where the reference's overlap is larger."""
+    """The row with the verdict on its time; a profile that aims at a ratio fails where its overlap is
+    larger."""
     found = judged_time(kind, row, scenario.tags, stages, frames, median)
     if isnan(found.limit):
         return found
-    if row.reason_code == DEEPER:
+    if row.reason_code == DEEPER and row.profile in AIMING:
         return replace(found, verdict="fail")
     unknown = row.reason_code == UNCOMPARED and found.verdict == "pass"
     return replace(found, verdict=UNJUDGED) if unknown else found

@@ -29,4 +29,7 @@ def apart_table(rows: Sequence[Row]) -> list[list[str]]:
 
 def headlines(scene: Sequence[Row]) -> list[str]:
     """The farthest body of a scene in one line; nothing where nothing is compared."""
+    apart = [row for row in scene if row.metric == SPREAD]
+    if apart and all(row.value == 0 for row in apart):
+        return [f"{TITLE}: no body, all paths are equal"]
     return [f"{TITLE}: {body}, {size}: {text}" for _, body, size, text in apart_table(scene)[:1]]

@@ -151,18 +151,30 @@ def _message(one: Any, path: Path, model: type[BaseModel]) -> str:
     match one["type"]:
         case "extra_forbidden":
             valid = _valid_fields(one["loc"], model)
-            near = difflib.get_close_matches(str(path[-1]), valid, n=3, cutoff=0.5)
-            hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-            return f"unknown field {path[-1]!r}{hint} (valid: {', '.join(valid)})"
+            return f"{_unknown(path[-1], valid)} (valid: {', '.join(valid)})"
         case "missing":
             return "missing"
         case "union_tag_invalid" | "union_tag_not_found":
             shapes = (f"{name} ({', '.join(sorted(_names(kind)))})" for name, kind in SHAPE_TYPES.items())
             asked = one["input"].get("type") if isinstance(one["input"], dict) else None
-            found = f"unknown type {asked!r}" if asked is not None else "found no shape"
-            return f"{found}; valid: {', '.join(shapes)}"
+            found = f"unknown type {asked!r}" if asked is not None else _no_shape(one["input"])
+            return f"{found}{'' if found.endswith('?') else ';'} valid: {', '.join(shapes)}"
     expected = one["msg"].removeprefix("Input should be ")
     return f"found {_short(one['input'])}, expected {expected[:1].lower()}{expected[1:]}"
+
+
+def _unknown(name: object, valid: list[str]) -> str:
+    """An unknown field, and those that it resembles."""
+    near = difflib.get_close_matches(str(name), valid, n=3, cutoff=0.5)
+    hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+    return f"unknown field {name!r}{hint}"
+
+
+def _no_shape(found: Any) -> str:
+    """That fields are those of no shape, and the first that no shape has."""
+    valid = sorted({name for kind in SHAPE_TYPES.values() for name in _names(kind)})
+    others = [name for name in found if name not in valid] if isinstance(found, dict) else []
+    return f"found no shape: {_unknown(others[0], valid)}" if others else "found no shape"
 
 
 def _short(value: Any) -> str:

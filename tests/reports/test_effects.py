@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_world import FakeWorld
 from rich.console import Console
 
 from touchstone.adapters.contract import Settings
-from touchstone.adapters.workers.variants import Pace, Variant, play
+from touchstone.adapters.workers.variants import Pace, Variant, _time, play
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.tasks import Task, own_settings
 from touchstone.reports.studies import effects
@@ -112,6 +113,31 @@ def test_passes_time_a_variant_beside_the_first(registry) -> None:
     assert len(whole.pace.seconds) == len(whole.beside.crossing) == catalogue()["fall"].frame_count - 1
     assert (whole.pace.crossing > 0).all()
     assert np.array_equal(mine.pace.seconds, whole.beside.seconds)
+
+
+def test_a_frame_is_timed_beside_one_of_its_own_variant() -> None:
+    """Two worlds of one variant step in turn, and the variants take turns by scenes."""
+    order: list[bool] = []
+
+    class Counted(FakeWorld):
+        def step(self) -> None:
+            super().step()
+            order.append(self.settings.effects is None)
+
+        def read(self, state) -> None:
+            state.position[:] = [body.position for body in self.scenario.bodies]
+
+    class Fake:
+        name = "fake"
+
+        def build(self, scenario, settings):
+            return Counted("fake", scenario, settings)
+
+    fall = catalogue()["fall"]
+    pair = [replace(Settings("any", 1 / 60), effects=names) for names in (None, PLANNED)]
+    _time(Fake(), fall, pair, 3, 4)
+    plan, every = [True] * 6, [False] * 6
+    assert order == [*plan, *every, *every, *plan]
 
 
 def test_a_budget_ends_all_variants_together(registry) -> None:

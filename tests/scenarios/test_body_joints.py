@@ -230,3 +230,14 @@ def test_each_plane_loop_implies_three_equations(name: str, loops: int) -> None:
 def test_bricards_loop_moves_by_its_one_implied_equation() -> None:
     """Six hinges in space are 30 equations of five bodies, and leave one motion."""
     assert implied_equations(catalogue()["bricard"]) == 1
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_joined_body_beyond_floating_point_warns_nobody():
+    """Places and speeds that overflow where a joint compares them are refused by name, without a warning."""
+    far = {"position": (1e300, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 1e300)}
+    scenario = catalogue()["slider_crank"]
+    k = next(k for k, body in enumerate(scenario.bodies) if body.kind == "simulated")
+    bodies = [replace(body, **far) if j == k else body for j, body in enumerate(scenario.bodies)]
+    with pytest.raises(ScenarioError, match=rf"bodies\[{k}\]\.position: found 1e\+300"):
+        replace(scenario, bodies=tuple(bodies))

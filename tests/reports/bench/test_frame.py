@@ -216,6 +216,28 @@ def test_one_run_is_confirmed_by_the_interval_of_its_medians(monkeypatch) -> Non
         assert row.verdict == verdict
 
 
+def test_overlap_fails_what_aims_at_a_ratio(monkeypatch, shown) -> None:
+    """A larger overlap than the engine's fails `balanced` below its limit, and the table says so; `paper`,
+    which aims at no ratio, is judged by its growth alone."""
+    measured = {("ball_snip", profile, "own steps", RATIO): 0.1 for profile in ("balanced", "paper")}
+    monkeypatch.setattr(time_limits, "_measured", lambda: measured)
+    contact = np.ones(60, dtype=bool)
+
+    def column(engine, profile, dt, seconds, overlap):
+        row = Row("bench frame", "ball_snip", engine, profile, dt, "overlap.max", overlap)
+        return ratios.Timed(engine, profile, dt, np.full((2, 60), seconds), contact, row)
+
+    columns = [
+        column("reference", "balanced", 1 / 60, 1e-6, 1e-3),
+        column("reference", "paper", 1 / 60, 1e-6, 1e-3),
+        column("dart", "recommended", 1 / 1020, 1e-5, 1e-4),
+    ]
+    found = ratios.ratio_rows("bench frame", SCENE, columns, one_run=False)
+    verdicts = {row.profile: (row.verdict, row.value <= row.limit) for row in found if row.metric == RATIO}
+    assert verdicts == {"balanced": ("fail", True), "paper": ("pass", True)}
+    assert "fail 0.15, overlap larger" in shown([frame.report(table(found))[-2]])
+
+
 def test_a_failed_column_says_why(registry, shown) -> None:
     """Show the reason of a column that failed, and all others."""
     takes = taken(registry)

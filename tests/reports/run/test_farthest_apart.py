@@ -172,3 +172,10 @@ def test_the_first_line_of_an_own_scene_names_the_farthest_body(touchstone, tmp_
     (tmp_path / "limits.toml").write_text(limit)
     code, _, err = touchstone("judge", "run", "--out", "judged", "--limits", "limits.toml", "--quiet")
     assert (code, "position.spread" in err) == (1, True), err
+
+
+def test_equal_paths_are_no_distance(apart):
+    """Where all columns are equal no body is named."""
+    assert headlines(apart(one=np.zeros(31), other=np.zeros(31))) == [
+        "farthest apart: no body, all paths are equal"
+    ]

@@ -227,7 +227,7 @@ def test_a_detector_that_dies_is_asked_one_by_one(monkeypatch, spheres, tmp_path
         (
             '{"pairs": [{"name": "x",\n "a": {"shape": {"radius": 1}, "orientation": [1, 1, 0, 0]},\n'
             ' "b": {"shape": {"half_extent": [1, 1, 1]}}}]}',
-            "p.json:3: pairs[0].b.shape: found no shape; valid: sphere (radius), box (half_extents)",
+            "p.json:3: pairs[0].b.shape: found no shape: unknown field 'half_extent'; did you mean 'half_",
         ),
         ('{"pairs": [', "p.json:1: not JSON"),
     ],
