@@ -1,7 +1,5 @@
 """Builders that several test files share: small scenes, their worlds, and the depth of two pieces."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """The budget of the tests' durations."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`import touchstone`: names that work in scripts, from standard input and beside the user's packages."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`docs/tour.md`: every command runs in an empty folder and prints what the page says."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

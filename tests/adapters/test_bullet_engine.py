@@ -1,7 +1,5 @@
 """The Bullet adapter: conventions, mass properties, coefficients, drive and isolation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

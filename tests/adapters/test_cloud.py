@@ -1,7 +1,5 @@
 """The cloud of the scaling bench: it moves, stays in its cube, and its pairs are all pairs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

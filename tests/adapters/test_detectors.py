@@ -1,7 +1,5 @@
 """Detectors: signs, normals and accuracy by closed forms; failures that stay a row."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import re

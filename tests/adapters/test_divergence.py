@@ -1,7 +1,5 @@
 """What a run is checked for: numbers, speeds, energies and places."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

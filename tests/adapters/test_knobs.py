@@ -1,7 +1,5 @@
 """Settings of every engine: each reaches the engine, and comes back from it in the manifest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Per-body numbers under an engine's mixing rule: every pair comes out as asked, or is named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Processes and folders of a parent that was killed."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Plans in runs: what is left out changes nothing, what is asked for is marked, broken bounds are told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Stages that a plan leaves out: per effect a scene that it alone matters to, and one that it does not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Engines of others: found, examined in a child process, played, and refused in one line where faulty."""
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pool of child processes: each task ends once, a process that dies is replaced, and none is left over."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from time import sleep

@@ -1,7 +1,5 @@
 """Child processes: their start, their patience, one thread of linear algebra each."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Recordings on disk: whole or absent, the same to the bit, and never anything but a recording."""
 
-from __future__ import annotations
-
 import errno
 import json
 from dataclasses import fields, replace

@@ -1,7 +1,5 @@
 """The table of the reference's settings: every row reaches the state, and comes back from it by name."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The registry: names that load, hints that help, and nothing imported before it is asked for."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

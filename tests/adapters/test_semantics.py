@@ -3,8 +3,6 @@
 An adapter that steers round a default, or a report that explains one, is then due for another look.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

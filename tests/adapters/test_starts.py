@@ -1,7 +1,5 @@
 """Bodies that start in overlap or in one place; masses and sizes of any magnitude."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Blocks of steps give what each step alone gives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Scenario to the reference's arrays: every number lands where it belongs, and can be read back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from resource import RUSAGE_SELF, getrusage
 

@@ -1,7 +1,5 @@
 """The reference with its constants in memory: the same motion, and other values without compilation."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import os

@@ -1,7 +1,5 @@
 """An engine without wheels for this Python says what pip would do."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

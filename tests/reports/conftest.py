@@ -1,7 +1,5 @@
 """The program called in an empty folder; recordings whose metrics are known in closed form."""
 
-from __future__ import annotations
-
 import sys
 from io import StringIO
 from types import SimpleNamespace

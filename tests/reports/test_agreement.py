@@ -1,7 +1,5 @@
 """The study agreement: players whose errors are known must come out with that model and outlier."""
 
-from __future__ import annotations
-
 from math import inf, isnan
 from pathlib import Path
 from types import SimpleNamespace

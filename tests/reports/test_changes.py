@@ -1,7 +1,5 @@
 """What `touchstone compare` calls worse, better, changed, new and gone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import inf, nan
 

@@ -1,7 +1,5 @@
 """Differences between engines: who stands apart, by how much, and how to see it again."""
 
-from __future__ import annotations
-
 from math import nan
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A fifth engine needs one registry entry: tables and pictures take name, colour and marker from it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

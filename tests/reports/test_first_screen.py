@@ -1,7 +1,5 @@
 """The first screen of a run of several scenes: one matrix, what is broken, and where to look."""
 
-from __future__ import annotations
-
 from io import StringIO
 from math import nan
 from pathlib import Path

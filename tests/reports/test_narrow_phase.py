@@ -1,7 +1,5 @@
 """The study narrow-phase: complete and repeatable rows, an exact reference, pairs that are what they say."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

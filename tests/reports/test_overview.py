@@ -1,7 +1,5 @@
 """Many scenes at a glance: counts, the figures that stand out, and each reason once."""
 
-from __future__ import annotations
-
 from math import nan
 from typing import NamedTuple
 

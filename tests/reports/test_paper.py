@@ -1,7 +1,5 @@
 """The study paper: rules on curves with known answers, and a short run that judges every claim."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Ratios of times: the ratio of medians, inside an interval that is the same each time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The study relations: changes are what they say, and an engine with a preferred place fails them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from fake_world import FakeWorld

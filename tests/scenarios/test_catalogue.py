@@ -1,7 +1,5 @@
 """A broken file among the scenes, or a function that gives none: named in a line, the others stay."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 

@@ -1,7 +1,5 @@
 """Every kind of fault in a chain or in its reach cones is reported with the path of its field."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import nan
 

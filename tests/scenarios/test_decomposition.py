@@ -1,7 +1,5 @@
 """Bodies that are cut in two are the same solids."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What can stand by a linear program: closed forms on slopes; arches, boxes and towers of the catalogue."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, radians, sin
 

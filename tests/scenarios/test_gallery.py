@@ -1,7 +1,5 @@
 """The gallery, and the trackers of its scenes."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from types import SimpleNamespace

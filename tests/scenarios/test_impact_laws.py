@@ -1,7 +1,5 @@
 """Laws of impact: closed forms, conservation and published figures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

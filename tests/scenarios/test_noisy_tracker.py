@@ -1,7 +1,5 @@
 """Noisy trackers: what they add to an ideal one, and that they add the same every time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Final positions in closed form: those of the scenes' truths, and the factors known by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Groups of pairs hold every pair once, with its facts; equal bodies are few groups."""
 
-from __future__ import annotations
-
 import json
 from itertools import combinations
 

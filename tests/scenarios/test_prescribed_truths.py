@@ -1,7 +1,5 @@
 """Truths of bodies on prescribed ones against integrations of their equations, and against known forces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

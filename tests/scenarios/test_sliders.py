@@ -1,7 +1,5 @@
 """The closed form of the sliders: forces by Coulomb's law in every phase, energy, and known ends."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Uniform solids: the mass properties of hulls, and bodies made of one piece."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The truth of a prism that tips down a slope: quadrature, conservation laws and the law of friction."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Paths between keyframes: shape-preserving by default; splines and straight lines by name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

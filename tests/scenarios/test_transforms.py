@@ -1,7 +1,5 @@
 """Scenes elsewhere: mirrored, translated, permuted and moved a little, with their truths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """How bodies must move: the closed forms against integration, conservation and each other."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Every kind of fault is reported with the path of its field, all at once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import inf, nan
 from types import SimpleNamespace

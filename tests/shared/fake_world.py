@@ -1,7 +1,5 @@
 """World of a fake engine: what all fakes have in common."""
 
-from __future__ import annotations
-
 from touchstone.adapters.contract import Manifest
 
 

@@ -1,7 +1,5 @@
 """Recordings that someone has forged, each in one way: a field's arrays or texts, or the archive."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

@@ -1,7 +1,5 @@
 """Robots that others wrote, and where they are installed: `pip install -e '.[models]'` brings all of them."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

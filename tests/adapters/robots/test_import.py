@@ -1,7 +1,5 @@
 """Robots as scenes: mass, inertia, joints and limits are the model's; what cannot be kept is named."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Files of robots as others leave them: kept as they say, or refused by name, line and remedy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

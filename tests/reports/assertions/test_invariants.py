@@ -1,7 +1,5 @@
 """Assertions: each passes on the reference and fails on a fake, with what, where, how much and which body."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`touchstone bench`: each is whole, leaves a whole folder or none, and ends with a code that means it."""
 
-from __future__ import annotations
-
 import sys
 from math import nan
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`bench scaling` on power laws and on fakes: exact exponents, complete rows, a picture."""
 
-from __future__ import annotations
-
 from math import nan
 from pathlib import Path
 

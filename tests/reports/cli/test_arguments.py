@@ -1,7 +1,5 @@
 """Wrong input: one clear line with the nearest valid, exit 2, nothing written; help imports nothing heavy."""
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 import sys

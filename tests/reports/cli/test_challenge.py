@@ -1,7 +1,5 @@
 """`touchstone challenge`: a settings file beside `recommended`; a wrong file is one line with its place."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`touchstone docs`: generated pages are current, and bad input costs nothing."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

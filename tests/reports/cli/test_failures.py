@@ -1,7 +1,5 @@
 """What goes wrong in a run: rows with their reason, exit codes that mean something."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The folder of results: whole, or not there."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

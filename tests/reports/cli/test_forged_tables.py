@@ -1,7 +1,5 @@
 """Forged tables of results, wherever a command reads them: a result or one line, and no traceback."""
 
-from __future__ import annotations
-
 import shutil
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """`touchstone import`: the comparison with the file, of one robot and of folders."""
 
-from __future__ import annotations
-
 import csv
 import io
 

@@ -1,7 +1,5 @@
 """Bodies with any printable name: every output of a run has them as they are."""
 
-from __future__ import annotations
-
 import json
 import time
 

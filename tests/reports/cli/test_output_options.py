@@ -1,7 +1,5 @@
 """`--format`, `--out` and `--quiet` of every command, and what they do to the commands that print a table."""
 
-from __future__ import annotations
-
 import json
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """`touchstone env` and `--install`: one line for each environment, in words that say what to do."""
 
-from __future__ import annotations
-
 import pytest
 
 from touchstone.adapters import registry

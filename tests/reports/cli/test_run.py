@@ -1,7 +1,5 @@
 """`touchstone run`: whole folders, output for machines, settings and commands that are told."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

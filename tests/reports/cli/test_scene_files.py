@@ -1,7 +1,5 @@
 """Scenes from files on the command line: played, shown, judged by their own limits."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """`--set` in README, CONTRIBUTING and docs/: examples are accepted, and name settings that exist."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from contextlib import suppress

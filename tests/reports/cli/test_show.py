@@ -1,7 +1,5 @@
 """`touchstone list` and `touchstone show` in every format."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

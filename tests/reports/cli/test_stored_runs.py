@@ -1,7 +1,5 @@
 """`touchstone judge` and `touchstone compare` on stored runs."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """`touchstone sweep` and `cheapest`: wrong input is one line, and what was measured stays."""
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 from io import StringIO

@@ -1,7 +1,5 @@
 """`touchstone tune` and `reproduce`: wrong input is one line; what they print plays again."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Runs that nobody watches: signals, streams, locales, collisions, faults of the program itself."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Exports of recordings: animated GLB and tables."""
 
-from __future__ import annotations
-
 import json
 import struct
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Touch, roll and leave, on motions whose events are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

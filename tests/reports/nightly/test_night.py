@@ -1,7 +1,5 @@
 """`touchstone nightly`: continues what was killed, stores once, and reports what changed."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

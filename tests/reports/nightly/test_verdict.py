@@ -1,7 +1,5 @@
 """Verdicts of nights: physics against the accepted night, times with their cause."""
 
-from __future__ import annotations
-
 import json
 from math import comb
 from xml.etree import ElementTree

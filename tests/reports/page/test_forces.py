@@ -1,7 +1,5 @@
 """Contact forces drawn over time: in the page, in a picture, and as a table."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Links of a page lead somewhere; what changed and what is broken is on the first screen, worst first."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from html.parser import HTMLParser

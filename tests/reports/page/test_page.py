@@ -1,7 +1,5 @@
 """A page's text: self-contained, escaped, within its policy; and what a run packs into it."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

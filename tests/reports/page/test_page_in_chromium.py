@@ -1,7 +1,5 @@
 """The page in a real browser, from disk, with the network off."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -1,7 +1,5 @@
 """Frames a second of the player in a real browser, with the gallery's most complex scene."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

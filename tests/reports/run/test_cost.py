@@ -1,7 +1,5 @@
 """Runs that take too long or too much memory are refused before they do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import count
 

@@ -1,7 +1,5 @@
 """Farthest apart: which body, between which columns, when, from when on, and up to which horizon."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

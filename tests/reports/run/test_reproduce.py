@@ -1,7 +1,5 @@
 """Commands that measure rows again."""
 
-from __future__ import annotations
-
 import shlex
 from dataclasses import replace
 

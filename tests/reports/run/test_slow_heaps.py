@@ -1,7 +1,5 @@
 """Heaps on engines that are too slow for them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from touchstone.reports.results import rows_of

@@ -1,7 +1,5 @@
 """Measures that need no engine, some of which end their process."""
 
-from __future__ import annotations
-
 import os
 import time
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Sweeps: every cell is measured once, whatever happens to the processes, the store or the disk."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Engines that treat random scenes in one way each, for spawned children."""
 
-from __future__ import annotations
-
 import os
 import time
 

@@ -1,7 +1,5 @@
 """Pairs of a file: their truth in closed form, what detectors say of them, and files that are wrong."""
 
-from __future__ import annotations
-
 import json
 from itertools import combinations
 from pathlib import Path

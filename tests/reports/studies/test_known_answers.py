@@ -1,7 +1,5 @@
 """Cells of a sweep find what is known of the engines: orders, and errors that no step mends."""
 
-from __future__ import annotations
-
 import pytest
 
 from touchstone.adapters.registry import installed, load

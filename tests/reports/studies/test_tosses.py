@@ -4,8 +4,6 @@ identified.
 `tosses/` has six tosses of DAIRLab/contact-nets (licence beside them).
 """
 
-from __future__ import annotations
-
 import shutil
 from itertools import product
 from pathlib import Path

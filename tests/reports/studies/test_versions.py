@@ -1,7 +1,5 @@
 """`touchstone versions`: environments of released versions, and what differs between them."""
 
-from __future__ import annotations
-
 import shutil
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fronts, bands, orders and answers of the study `work-precision` against brute force and known data."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

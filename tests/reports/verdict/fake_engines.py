@@ -1,7 +1,5 @@
 """Engines that fail in one way each: a cube that should rest on a floor, moved by a script."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Known failings are strict, each has a size and a cause, and `touchstone failings measure` writes sizes."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from math import inf, nan

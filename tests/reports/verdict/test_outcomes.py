@@ -1,7 +1,5 @@
 """The classifier names every scripted failure, and no engine's word changes it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Verdicts with noisy trackers: laws are judged, what follows from the ideal tracker is not, and says so."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import isnan
 

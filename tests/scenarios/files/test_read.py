@@ -1,7 +1,5 @@
 """Scene files that are wrong: every fault at once, with file, line and field."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
