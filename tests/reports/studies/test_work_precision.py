@@ -1,10 +1,13 @@
-"""Fronts, bands, orders and answers of the study `work-precision` against brute force and known data."""
+"""The study `work-precision`: fronts, bands, orders, answers by brute force; what engines are known for."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from touchstone.adapters.registry import installed, load
 from touchstone.reports.cli.cheapest import lines
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.executors import play_cell
 from touchstone.reports.studies.work_precision.cheapest import (
     TIME,
     MeasuredSetting,
@@ -344,3 +347,29 @@ def test_times_that_overlap_have_no_winner():
         "again",
     ]
     assert "within noise" in answered((20, 19, 26), limits={TIME: 22e-6})[1]
+
+
+def value(metric, scene, engine, dt, *changes):
+    """Values of a metric by subject, of a cell played in this process."""
+    if not installed(engine):
+        pytest.skip(f"{engine} is not installed")
+    cell = Cell(scene, engine, "recommended", dt, changes, options=(f"metrics={metric}",))
+    done = play_cell(load(engine), cell)
+    assert done.outcome == "done", done.rows
+    return {row.subject: row.value for row in done.rows if row.metric == metric}
+
+
+def test_mujoco_overlaps_less_with_a_shorter_time_constant():
+    """A stack's overlap falls with solref, at one step, at least in proportion."""
+    found = [
+        value("overlap.max", "stack", "mujoco", 1 / 540, f"solref={s}")[""] for s in (0.04, 0.02, 0.01, 0.005)
+    ]
+    assert found == sorted(found, reverse=True)
+    assert found[0] > 8 * found[-1]
+
+
+def test_no_step_mends_friction_along_darts_diagonal():
+    """Boxes at three headings stop 30 % apart at any step; the solver of circular cones mends that."""
+    at = [value("friction.heading", "slide", "dart", dt)[""] for dt in (1 / 240, 1 / 1020)]
+    assert min(at) > 0.3
+    assert value("friction.heading", "slide", "dart", 1 / 240, "solver=nsgs")[""] < 0.01
