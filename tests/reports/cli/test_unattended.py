@@ -176,7 +176,7 @@ def test_one_line_per_scene_off_a_terminal(touchstone, quick):
 def test_version_help_and_completion(touchstone, monkeypatch):
     """`--version` prints one line, `-h` is `--help` in every command, and shells can complete names."""
     assert touchstone("--version") == (0, f"touchstone {version()}\n", "")
-    for command in ([], ["run"], ["study"], ["study", "agreement"]):
+    for command in ([], ["run"], ["study"], ["study", "convergence"]):
         assert touchstone(*command, "-h") == touchstone(*command, "--help")
     monkeypatch.setenv("_TOUCHSTONE_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", "touchstone do")
