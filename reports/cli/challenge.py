@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     LIMIT_BROKEN,
     QuietOption,
     changes_for,
@@ -19,6 +18,7 @@ from touchstone.reports.cli.options import (
     folder_of_now,
     known,
     progress_for,
+    refusing,
     require_judge,
     require_new,
     step_for,
@@ -108,12 +108,10 @@ def settings_file(path: Path) -> SettingsFile:
     texts = dict.fromkeys(("engine", "source", "by"), (str, ...)) | {"profile": (str, "recommended")}
     fields = {**texts, "dt": (str, ""), "settings": (dict[str, str], ...)}
     model = create_model("Settings", __config__={"extra": "forbid"}, **fields)  # type: ignore[call-overload]
-    try:
+    with refusing(SceneFileError):
         data, faults, message_of = data_of_file(path, model)
-    except SceneFileError as error:
-        stop(str(error), BAD_INPUT)
     if faults:
-        stop(message_of(faults), BAD_INPUT)
+        stop(message_of(faults))
     return SettingsFile(**data)
 
 

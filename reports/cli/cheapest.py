@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     LIMIT_BROKEN,
     Format,
     FormatOption,
@@ -23,6 +22,7 @@ from touchstone.reports.cli.options import (
     known,
     measuring,
     output_to,
+    refusing,
     require_judge,
     require_new,
     resumable,
@@ -84,7 +84,7 @@ def cheapest(
         budget=frame_budget,
     )
     if not limits:
-        stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%", BAD_INPUT)
+        stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%")
     engines = [engine_installed(engine)] if engine else list(ENGINES)
     require_judge()
     cells = StudyCells([scene.name], engines, quick, with_ladder=False)
@@ -92,10 +92,10 @@ def cheapest(
         table, _ = measure(cells, store, jobs, progress)
     if gone := missing_quantities(table, limits):
         has = ", ".join(name for name in QUANTITIES if name in set(table.quantity))
-        stop(f"{scene.name}: no {' and no '.join(gone)} is measured in this scene; it has {has}", BAD_INPUT)
+        stop(f"{scene.name}: no {' and no '.join(gone)} is measured in this scene; it has {has}")
     answer = find(settings_of_scene(table, scene.frame_rate), limits, engine)
     if answer is None:
-        stop(f"{scene.name}: no setting was measured in all of {', '.join(limits)}", BAD_INPUT)
+        stop(f"{scene.name}: no setting was measured in all of {', '.join(limits)}")
     with output_to(out):
         if output is Format.table:
             print("\n".join(lines(answer, limits)))
@@ -110,14 +110,12 @@ def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
     from touchstone.reports.studies.work_precision.cheapest import TIME, ToleranceError, tolerance
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
 
-    try:
+    with refusing(ToleranceError):
         limits = {
             name: tolerance(text, QUANTITIES[name].unit, f"--{name}") for name, text in asked.items() if text
         }
         if budget:
             limits[TIME] = tolerance(budget, "s", "--frame-budget")
-    except ToleranceError as error:
-        stop(str(error), BAD_INPUT)
     return limits
 
 
@@ -235,7 +233,7 @@ def tune(
     from touchstone.reports.studies.work_precision.cheapest import TIME
 
     if not engine:
-        stop("tune: name the engine whose settings are searched, such as --engine mujoco", BAD_INPUT)
+        stop("tune: name the engine whose settings are searched, such as --engine mujoco")
     limits = limits_of(
         position=position,
         friction=friction,
@@ -245,7 +243,7 @@ def tune(
         budget=frame_budget,
     )
     if not limits.keys() - {TIME}:
-        stop("tune: give a limit on an error, such as --position 1mm --friction 2%", BAD_INPUT)
+        stop("tune: give a limit on an error, such as --position 1mm --friction 2%")
     chosen = tuned_scenes(scenario, scenes, allow_paths)
     name = engine_installed(engine)
     if out is not None:
@@ -284,12 +282,12 @@ def tuned_scenes(scenario: str, tag: str, allow_paths: bool) -> dict[str, Scenar
     from touchstone.scenarios.files.named import path_of
 
     if bool(scenario) == bool(tag):
-        stop("tune: name one scene, or a tag by --scenes", BAD_INPUT)
+        stop("tune: name one scene, or a tag by --scenes")
     if tag:
         return {one.name: one for one in scenarios_for([], tag)}
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     if others:
-        stop(f"{scenario}: {1 + len(others)} scenes; tune takes a file of one", BAD_INPUT)
+        stop(f"{scenario}: {1 + len(others)} scenes; tune takes a file of one")
     path = path_of(scenario)
     return {str(path.resolve()) if path else chosen.name: chosen}
 

@@ -11,7 +11,6 @@ from typing import Annotated
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     LIMIT_BROKEN,
     Format,
     FormatOption,
@@ -20,7 +19,7 @@ from touchstone.reports.cli.options import (
     engine_installed,
     exit_for,
     output_to,
-    stop,
+    refusing,
 )
 
 
@@ -53,7 +52,7 @@ def _check(engine: str, profile: str, rows: list[dict[str, object]], at_once: bo
     from touchstone.adapters.conformance.check import check
     from touchstone.adapters.contract import AdapterError
 
-    try:
+    with refusing(AdapterError):
         for report in check(engine, profile):
             lines = [("fault", fault) for fault in report.faults]
             lines += [("not checked", report.skipped)] if report.skipped else []
@@ -61,8 +60,6 @@ def _check(engine: str, profile: str, rows: list[dict[str, object]], at_once: bo
                 rows.append({"check": report.check, "verdict": verdict, "finding": text})
                 if at_once:
                     print(f"{verdict:12}{report.check:16}{text}".rstrip(), flush=True)
-    except AdapterError as error:
-        stop(str(error), BAD_INPUT)
 
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "python-fcl", "coal", "pin")

@@ -49,7 +49,7 @@ def guarded(program: Callable[[], int | None]) -> NoReturn:
         message, context = error.format_message().replace("Value error, ", ""), getattr(error, "ctx", None)
         what = " ".join(message.split())
         command = context.command_path if context else "touchstone"
-        stop(f"{what.rstrip('.')} (see {command} --help)", BAD_INPUT)
+        stop(f"{what.rstrip('.')} (see {command} --help)")
     except Interrupted as error:
         code, kept = INTERRUPTED, str(error)
     except SystemExit as end:

@@ -33,6 +33,7 @@ from touchstone.reports.cli.options import (
     output_to,
     printed,
     progress_for,
+    refusing,
     step_for,
     stop,
     tell_failures,
@@ -205,7 +206,7 @@ def run(
     broken: list[BaseException] = []
     in_full = details or bool(metric) or len(scenarios) == 1
     at_once = output is Format.table and not quiet and in_full and len(scenarios) <= SCENES_IN_FULL
-    try:
+    with refusing(OutputError, TooLargeError):
         check_memory(request.scenarios, len(request.columns))
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with progress_for(frames, quiet, by_scene=True) as progress:
@@ -213,8 +214,6 @@ def run(
             # heaps end by their budget
             bounded = yes or all("heap" in one.tags for one in request.scenarios)
             results = run_study(request, progress if bounded else limited(progress, frames), shown)
-    except (OutputError, TooLargeError) as error:
-        stop(str(error), BAD_INPUT)
     if broken:
         raise broken[0]
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
@@ -289,9 +288,9 @@ def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenar
     if known("tracker", tracker, TRACKERS) == TRACKERS[0]:
         return scenarios
     if not any(scenario.trackers for scenario in scenarios):
-        stop(f"--tracker {tracker}: no scene of this run has a tracker", BAD_INPUT)
+        stop(f"--tracker {tracker}: no scene of this run has a tracker")
     if drive == "posed":
-        stop(f"--tracker {tracker}: kinematic links would jump; choose --drive native or torque", BAD_INPUT)
+        stop(f"--tracker {tracker}: kinematic links would jump; choose --drive native or torque")
     return [noisy(scenario) for scenario in scenarios]
 
 
@@ -323,14 +322,14 @@ def show(
 ) -> None:
     """Show what a scenario is made of."""
     if file is not None and not model_card:
-        stop("--file is compared by --model-card; name both", BAD_INPUT)
+        stop("--file is compared by --model-card; name both")
     if cost and not effects:
-        stop("--cost is a column of --effects; name both", BAD_INPUT)
+        stop("--cost is a column of --effects; name both")
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     for line in scene_notes([chosen]):
         print(line, file=sys.stderr)
     if others:
-        stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one", BAD_INPUT)
+        stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one")
     with output_to(out):
         if effects:
             from touchstone.reports.docs.listing import effect_rows, show_rows
@@ -348,10 +347,8 @@ def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format)
         from touchstone.adapters.robots.robot_error import RobotError
         from touchstone.reports.views.model_card import NotDriven, card_rows
 
-        try:
+        with refusing(NotDriven, RobotError):
             show_rows(card_rows(chosen, file), output)
-        except (NotDriven, RobotError) as error:
-            stop(str(error), BAD_INPUT)
         return
     if output is Format.json:
         from touchstone.scenarios.files.write import scene_json

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     INTERNAL_ERROR,
     LIMIT_BROKEN,
     Interrupted,
@@ -16,6 +15,7 @@ from touchstone.reports.cli.options import (
     exit_for,
     known,
     progress_for,
+    refusing,
     require_judge,
     stop,
     tell_failures,
@@ -57,9 +57,9 @@ def nightly(
     except KeyboardInterrupt:
         raise Interrupted("finished scenes are kept, the same command goes on") from None
     except StoreError as error:
-        stop(str(error), BAD_INPUT)
+        stop(str(error))
     except OSError as error:
-        stop(f"{store}: {error.strerror or error}; finished scenes are kept, run again", BAD_INPUT)
+        stop(f"{store}: {error.strerror or error}; finished scenes are kept, run again")
     if measured.continued and not quiet:
         print(f"continued a night: {measured.continued} scenes were measured before", file=sys.stderr)
     lines = [one.line for one in findings if one.kind in ("regression", "warning")]
@@ -149,16 +149,13 @@ def accept(
     from touchstone.reports.nightly.store import MARK, Store, StoreError
 
     if not reason.strip():
-        stop("--reason: say why the figures of this night are right", BAD_INPUT)
+        stop("--reason: say why the figures of this night are right")
     if "://" not in store and not (Path(store) / MARK).exists():
-        stop(f"--store {store}: no store of nights here", BAD_INPUT)
-    try:
-        with Store(store).opened() as opened:
-            nights = {night.run: night for night in opened.nights()}
-            if not nights:
-                stop(f"--store {store}: holds no night yet", BAD_INPUT)
-            name = list(nights)[-1] if run == "last" else known("night", run, nights)
-            opened.accept(nights[name], reason)
-    except StoreError as error:
-        stop(str(error), BAD_INPUT)
+        stop(f"--store {store}: no store of nights here")
+    with refusing(StoreError), Store(store).opened() as opened:
+        nights = {night.run: night for night in opened.nights()}
+        if not nights:
+            stop(f"--store {store}: holds no night yet")
+        name = list(nights)[-1] if run == "last" else known("night", run, nights)
+        opened.accept(nights[name], reason)
     print(f"accepted {name}: {reason}")

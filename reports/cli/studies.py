@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     Format,
     FormatOption,
     QuietOption,
@@ -25,6 +24,7 @@ from touchstone.reports.cli.options import (
     folder_of_now,
     known,
     measuring,
+    refusing,
     require_judge,
     resumable,
     stop,
@@ -83,10 +83,8 @@ def studied(
             from touchstone.reports.studies.study import RefusedError
 
             folder = out or folder_of_now(f"{name}-")
-            try:
+            with refusing(RefusedError):
                 asked = asked_for(**own)
-            except RefusedError as error:
-                stop(str(error), BAD_INPUT)
             if judge:
                 require_judge()
             kept = nullcontext() if asked.store is None else resumable(asked.store)
@@ -138,7 +136,7 @@ def narrow_phase(
         run = partial(module.run_given, given)
         return StudyRequest(len(given) * len(DETECTORS), run, module.report)
     if (count := int(pairs)) > MOST:
-        stop(f"--pairs {pairs}: expected at most {MOST}", BAD_INPUT)
+        stop(f"--pairs {pairs}: expected at most {MOST}")
     return StudyRequest(count * len(DETECTORS), partial(module.run, count, seed), module.report)
 
 
@@ -148,11 +146,10 @@ def _pairs_of(path: Path) -> list[GivenPair]:
     from touchstone.scenarios.files.read import SceneFileError
 
     if path.suffix not in (".json", ".toml"):
-        stop(f"--pairs {path}: expected a number of pairs, or a file .json or .toml", BAD_INPUT)
-    try:
-        return list(read_pairs(path))
-    except SceneFileError as error:
-        stop(str(error), BAD_INPUT)
+        stop(f"--pairs {path}: expected a number of pairs, or a file .json or .toml")
+    with refusing(SceneFileError):
+        found = list(read_pairs(path))
+    return found
 
 
 @studied("ik")
@@ -301,7 +298,7 @@ def knobs(engine: EngineOption = None, jobs: JobsOption = None, store: StoreOpti
 
     if "reference" in (engine or ()):
         text = "study knobs: varies other engines; the reference's settings: touchstone study ablation"
-        stop(text, BAD_INPUT)
+        stop(text)
     engines = [name for name in engines_named(engine or ENGINES) if name != "reference"]
     steps = sum(len(module.cells_of(name)) for name in engines)
     return StudyRequest(steps, partial(module.run, engines, store, jobs=jobs), module.report, store)
@@ -421,7 +418,7 @@ def bench(
     folder = out or folder_of_now(f"bench-{name}-")
     if name != "frame":
         if scenario:
-            stop(f"bench {name}: takes no scenes, found {scenario[0]!r}", BAD_INPUT)
+            stop(f"bench {name}: takes no scenes, found {scenario[0]!r}")
         with measuring(chosen.steps(), quiet) as progress:
             found = chosen.run(folder, progress)
     else:

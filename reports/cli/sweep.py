@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     LIMIT_BROKEN,
     Format,
     FormatOption,
@@ -23,6 +22,7 @@ from touchstone.reports.cli.options import (
     known,
     measuring,
     printed,
+    refusing,
     require_judge,
     require_new,
     resumable,
@@ -85,20 +85,18 @@ def sweep(
     names = [one.name for one in scenarios]
     for option, given in (("--dask", dask), ("--slurm-script", slurm_script), ("--part", part)):
         if timing and given:
-            stop(f"--timing {option}: times are measured on this machine, one cell at a time", BAD_INPUT)
+            stop(f"--timing {option}: times are measured on this machine, one cell at a time")
     steps, seeds = steps_for(dt, scenarios), seeds_for(seed)
     once = 1 if timing else repeats
     try:
         cells = grid(names, columns, steps=steps, changes=change or [], seeds=seeds, repeats=once)
     except SettingError as error:
-        stop(f"--set {error}", BAD_INPUT)
+        stop(f"--set {error}")
     if slurm_script is not None:
         write_script(slurm_script, out, len(cells), quiet)
         return
-    try:
+    with refusing(PartError):
         cells = part_of(cells, part) if part else cells
-    except PartError as error:
-        stop(str(error), BAD_INPUT)
     executor = partial(DaskPool, dask, jobs or os.cpu_count() or 1) if dask else None
     count = len(cells) * (1 + repeats * timing)
     with resumable(out), measuring(count, quiet, StoreError, ClusterError) as progress:
@@ -154,9 +152,7 @@ def seeds_for(text: str) -> list[int]:
     found = [part.strip() for part in text.split(",")]
     for part in found:
         if not (part.isascii() and part.isdecimal()):
-            stop(
-                f"--seed {' '.join(text.split())}: found {part!r}, expected numbers such as 0,1,2", BAD_INPUT
-            )
+            stop(f"--seed {' '.join(text.split())}: found {part!r}, expected numbers such as 0,1,2")
     return list(dict.fromkeys(map(int, found)))
 
 
@@ -171,7 +167,7 @@ def steps_for(text: str, scenarios: list[Scenario]) -> list[float]:
             for scenario in scenarios:
                 substeps(scenario, step)
         except (ValueError, ZeroDivisionError, OverflowError) as error:
-            stop(f"--dt {' '.join(part.split())}: {error}", BAD_INPUT)
+            stop(f"--dt {' '.join(part.split())}: {error}")
         found.append(step)
     return list(dict.fromkeys(found))
 
@@ -203,7 +199,7 @@ def soak(
     chosen = known("kind", kind, ALL_KINDS) if kind else None
     folder = out or folder_of_now("soak-")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        stop(f"--out {folder}: exists and is not an empty folder", BAD_INPUT)
+        stop(f"--out {folder}: exists and is not an empty folder")
     require_judge()
     said = print if output is Format.table else lambda line: print(line, file=sys.stderr)
     found = run(Extent(minutes, seed), profile, folder, said, scene=partial(random_scene, kind=chosen))

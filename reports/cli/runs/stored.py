@@ -13,22 +13,21 @@ from typing import Annotated, Any
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     LIMIT_BROKEN,
     Format,
     FormatOption,
     PrintedOutOption,
     QuietOption,
-    exit_for,
+    ended,
     folder_of_now,
     known,
     output_to,
     printed,
     progress_for,
+    refusing,
     require_judge,
     require_new,
     stop,
-    tell_failures,
     write_file,
 )
 from touchstone.reports.cli.scenes.chosen import LimitsOption, limits_for, metrics_for
@@ -83,14 +82,12 @@ def compare(
     from touchstone.reports.cli.scenes.chosen import metrics_for
     from touchstone.scenarios.files.read import SceneFileError
 
-    try:
+    with refusing(RunError, SceneFileError):
         one, two = table_of(run_a), table_of(run_b)
         if metric:
             wanted = metrics_for(metric)
             one, two = (frame[frame.metric.isin(wanted) | (frame.metric == "run")] for frame in (one, two))
         found = changes(one, two, tolerances(tolerance), match is Matching.profile)
-    except (RunError, SceneFileError) as error:
-        stop(str(error), BAD_INPUT)
     counts = {kind: int((found.kind == kind).sum()) for kind in KINDS}
     failing = ["worse"] if allow_gone else FAILING
     with output_to(out):
@@ -126,11 +123,9 @@ def measure(
     from touchstone.reports.verdict.failings import FILE, FailingsError, read, write
     from touchstone.reports.verdict.measure import difference, measured
 
-    try:
+    with refusing(RunError, FailingsError):
         old = read(FILE)
         new = measured(old, (row for run in runs for row in rows_of(table_of(run))))
-    except (RunError, FailingsError) as error:
-        stop(str(error), BAD_INPUT)
     changed = list(difference(old, new))
     if changed:
         write(new.values(), FILE)
@@ -152,27 +147,17 @@ def judge(
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.judge_again import judge as judge_again
+    from touchstone.reports.views.terminal import report
 
     folder = out or folder_of_now("judged-")
     chosen, of_file = metrics_for(metric or []), limits_for(limits, ())
     count = len(list((run / "recordings").glob("*.npz")))
     command = " ".join(["touchstone", *sys.argv[1:]])
-    try:
-        with progress_for(count, quiet) as progress:
-            results = judge_again(run, folder, progress, chosen, of_file, command)
-    except (RunError, OutputError) as error:
-        stop(str(error), BAD_INPUT)
+    with refusing(RunError, OutputError), progress_for(count, quiet) as progress:
+        results = judge_again(run, folder, progress, chosen, of_file, command)
     for line in [] if quiet else judge_faults():
         print(line, file=sys.stderr)
-    if not printed(results.frame, output) and not quiet:
-        from touchstone.reports.views.render import console, print_parts
-        from touchstone.reports.views.terminal import report
-
-        print_parts(report(results.frame), console())
-        print(f"results: {folder}")
-    if quiet:
-        tell_failures(results.frame)
-    exit_for(results.frame.verdict, by_name=False)
+    ended(results.frame, report, folder, output, quiet)
 
 
 def tolerances(
@@ -189,13 +174,11 @@ def tolerances(
 
     names = [str(run) for run in dict.fromkeys(runs)]
     if len(names) < 2:
-        stop(f"{names[0]}: name two runs or more", BAD_INPUT)
+        stop(f"{names[0]}: name two runs or more")
     if out is not None:
         require_new(out)
-    try:
+    with refusing(RunError):
         found = differences({name: table_of(Path(name)) for name in names})
-    except RunError as error:
-        stop(str(error), BAD_INPUT)
     if out is not None:
         write_file(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
     if not printed(found, output) and not quiet:
@@ -234,7 +217,7 @@ def view(
 
     if out is not None:
         require_new(out)
-    try:
+    with refusing(RunError):
         found = scenes_of(run)
         name = known("scenario", scenario, found) if scenario else next(iter(found))
         columns = found[name]
@@ -243,7 +226,7 @@ def view(
             kept = [known(kind, one, names) for one in wanted or names]
             columns = {column: path for column, path in columns.items() if column[place] in kept}
         if not columns:
-            stop(f"{run}: no recording of {name} fits --engine and --profile", BAD_INPUT)
+            stop(f"{run}: no recording of {name} fits --engine and --profile")
         if not profile:
             columns = own_columns(columns)
         require_judge()
@@ -252,8 +235,6 @@ def view(
             left = ", ".join(" ".join(column) for column in list(columns)[MOST:])
             print(f"not shown, more than {MOST}: {left} (--engine, --profile)", file=sys.stderr)
         text = scene_page(run, name, shown)
-    except RunError as error:
-        stop(str(error), BAD_INPUT)
     path = out or run / f"view-{name}.html"
     write_file(path, lambda part: part.write_text(text, "utf-8"))
     if show and not webbrowser.open(f"{path.absolute().as_uri()}#play={name}"):

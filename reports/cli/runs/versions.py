@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     ENGINE_FAILED,
     ENGINE_MISSING,
     LIMIT_BROKEN,
@@ -21,6 +20,7 @@ from touchstone.reports.cli.options import (
     folder_of_now,
     printed,
     progress_for,
+    refusing,
     require_judge,
     stop,
     tell_failures,
@@ -64,42 +64,38 @@ def versions(
     from touchstone.reports.studies.versions import Compared, compare, environments
 
     if not engine:
-        stop("--engine: name the engine, such as --engine mujoco", BAD_INPUT)
+        stop("--engine: name the engine, such as --engine mujoco")
     (name,) = engines_named([engine])
     if name == "reference":
-        stop(f"--engine {engine}: its versions are commits of this program (touchstone compare)", BAD_INPUT)
+        stop(f"--engine {engine}: its versions are commits of this program (touchstone compare)")
     if not version:
-        stop("--version: name released versions, such as --version 3.6.0 --version 3.17.0", BAD_INPUT)
+        stop("--version: name released versions, such as --version 3.6.0 --version 3.17.0")
     asked = [*version, INSTALLED] if len(set(version)) == 1 and INSTALLED not in version else version
     here = installed_version(name)
     if INSTALLED in asked and not here:
-        stop(f"--version {INSTALLED}: {name} is not installed; name two versions", BAD_INPUT)
+        stop(f"--version {INSTALLED}: {name} is not installed; name two versions")
     wanted = list(dict.fromkeys(here if one == INSTALLED else one for one in asked))
     if len(wanted) < 2:
-        stop(f"--version: {wanted[0]} is the one that is installed; name another one", BAD_INPUT)
+        stop(f"--version: {wanted[0]} is the one that is installed; name another one")
     profiles = profile or [next(iter(profiles_of(name)))]
     scenarios = tuple(scenarios_for(scenario or QUICK_SCENES, allow_paths=allow_paths))
     columns, folder = columns_for([name], profiles), out or folder_of_now("versions-")
     require_judge()
     command = " ".join(["touchstone", *sys.argv[1:]])
     request = Request(scenarios, columns, folder, command=command)
-    try:
+    with refusing(TooLargeError):
         check_memory(scenarios, len(columns))
-    except TooLargeError as error:
-        stop(str(error), BAD_INPUT)
     frames = sum(one.frame_count for one in scenarios) * len(columns) * len(wanted) * rounds
     found = Compared(name, {})
     with progress_for(len(wanted), quiet) as progress:
         folders, faults = environments(name, wanted, progress)
     for line in faults.values():
         print(f"touchstone: {line}", file=sys.stderr)
-    try:
+    with refusing(OutputError, TooLargeError):
         if len(folders) > 1:
             with progress_for(frames, quiet, by_scene=True) as progress, output_folder(folder) as part:
                 step = progress if yes else limited(progress, frames)
                 found = compare(request, folders, rounds, part, step)
-    except (OutputError, TooLargeError) as error:
-        stop(str(error), BAD_INPUT)
     if len(folders) < 2:
         stop(f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", ENGINE_MISSING)
     if not printed(found.frame, output) and not quiet:

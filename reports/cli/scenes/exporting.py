@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     PrintedOutOption,
     output_to,
+    refusing,
     require_new,
     stop,
     write_file,
@@ -85,17 +85,14 @@ def export(
     chosen = scenarios_for([scenario], allow_paths=allow_paths)[0]
     if chosen.body_joints and form in (ExportFormat.mjcf, ExportFormat.urdf):
         kept = "toml and json keep them"
-        stop(f"--format {form}: joints between bodies ({chosen.name}) are not written; {kept}", BAD_INPUT)
+        stop(f"--format {form}: joints between bodies ({chosen.name}) are not written; {kept}")
     if form is ExportFormat.urdf:
         from touchstone.adapters.robots.export_urdf import urdf_files
 
         files, folder = urdf_files(chosen), out or Path(chosen.name)
-        try:
-            with output_folder(folder) as part:
-                for name, text in files.items():
-                    (part / name).write_text(text, encoding="utf-8")
-        except OutputError as error:
-            stop(str(error), BAD_INPUT)
+        with refusing(OutputError), output_folder(folder) as part:
+            for name, text in files.items():
+                (part / name).write_text(text, encoding="utf-8")
         robots = [name for name in files if name.endswith(".urdf")]
         print(f"{folder}: {', '.join(robots)}, and {len(files) - len(robots)} meshes")
         return
@@ -119,20 +116,15 @@ def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Pa
 
     valid = ", ".join(OF_RECORDINGS)
     if form not in OF_RECORDINGS:
-        stop(f"--format {form}: is for scenes; of a recording: {valid}", BAD_INPUT)
+        stop(f"--format {form}: is for scenes; of a recording: {valid}")
     if path.suffix != RECORDING:
-        stop(
-            f"{path}: --format {form} is for recordings, such as runs/TIME/recordings/NAME{RECORDING}",
-            BAD_INPUT,
-        )
+        stop(f"{path}: --format {form} is for recordings, such as runs/TIME/recordings/NAME{RECORDING}")
     target = out or (None if form is ExportFormat.csv else Path(f"{path.stem}.{form}"))
     if target is not None:
         require_new(target)
-    try:
+    with refusing(RecordingError):
         recording = load(path)
         scene = scene_of_text(recording.scenario)
-    except RecordingError as error:
-        stop(str(error), BAD_INPUT)
     if form is ExportFormat.glb:
         data = glb(recording, scene)
         assert target is not None

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     LIMIT_BROKEN,
     QuietOption,
     changes_for,
@@ -51,14 +50,14 @@ def reproduce(
         require_new(out)
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     if others:
-        stop(f"{scenario}: {1 + len(others)} scenes; name one of them", BAD_INPUT)
+        stop(f"{scenario}: {1 + len(others)} scenes; name one of them")
     name = engines_named([engine])[0]
     settings = settings_for(chosen, name, profile, dt, change or [])
     try:
         with progress_for(chosen.frame_count, quiet, by_scene=True) as progress:
             found = reproduced(chosen, name, settings, progress)
     except AdapterError as error:
-        stop(f"{chosen.name}: {error}", BAD_INPUT)
+        stop(f"{chosen.name}: {error}")
     text = found.script.text
     if out is None:
         print(text, end="")
@@ -98,6 +97,6 @@ def settings_for(scenario: Scenario, engine: str, profile: str, dt: str, changes
             step = step_of(dt)
             substeps(scenario, step)
         except ValueError as error:
-            stop(f"--dt {' '.join(dt.split())}: {error}", BAD_INPUT)
+            stop(f"--dt {' '.join(dt.split())}: {error}")
     texts = changes_for([(engine, chosen)], changes)
     return Settings(chosen, step, changes_of(engine, chosen, texts))

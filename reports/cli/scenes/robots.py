@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from touchstone.reports.cli.options import (
-    BAD_INPUT,
     ENGINE_MISSING,
     LIMIT_BROKEN,
     Format,
@@ -20,6 +19,7 @@ from touchstone.reports.cli.options import (
     folder_of_now,
     measuring,
     output_to,
+    refusing,
     require_judge,
     stop,
     write_file,
@@ -48,10 +48,8 @@ def check_robot(
     from touchstone.adapters.robots.robot_error import RobotError
     from touchstone.reports.docs.listing import show_rows
 
-    try:
+    with refusing(RobotError):
         found = list(findings(robot, allow_paths))
-    except RobotError as error:
-        stop(str(error), BAD_INPUT)
     faults = [one for one in found if one.verdict == FAULT]
     if quiet:
         for one in faults:
@@ -104,22 +102,22 @@ def import_robot(
     if not installed("mujoco"):
         stop(f"import needs MuJoCo: {missing_reason('mujoco')}", ENGINE_MISSING)
     if (fixed_base or hold) and not free:
-        stop("--fixed-base and --hold are options of --free", BAD_INPUT)
+        stop("--fixed-base and --hold are options of --free")
     from touchstone.adapters.robots.mechanism import Simulated
 
     simulated = Simulated(hold, fixed_base) if free else None
     if check:
         if robot is not None or name:
-            stop("--check takes folders; leave out the robot's file and --as", BAD_INPUT)
+            stop("--check takes folders; leave out the robot's file and --as")
         _check(check, out or folder_of_now("import-"), allow_paths, simulated, output, quiet)
     elif robot is None or not name:
-        stop("expected a robot's file and --as NAME, or --check FOLDER", BAD_INPUT)
+        stop("expected a robot's file and --as NAME, or --check FOLDER")
     else:
         path = out or Path(f"{name}.toml")
         if path.suffix not in (".toml", ".json"):
-            stop(f"--out {path}: expected a file .toml or .json", BAD_INPUT)
+            stop(f"--out {path}: expected a file .toml or .json")
         if path.exists() and not force:
-            stop(f"{path}: exists; write over it by --force", BAD_INPUT)
+            stop(f"{path}: exists; write over it by --force")
         _import(robot, name, path, allow_paths, simulated, quiet)
 
 
@@ -131,10 +129,10 @@ def _check(  # type: ignore[no-untyped-def]
 
     for folder in folders:
         if not folder.is_dir():
-            stop(f"--check {folder}: no such folder", BAD_INPUT)
+            stop(f"--check {folder}: no such folder")
     robots = robots_below(folders)
     if not robots:
-        stop(f"--check: no robots ({', '.join(SUFFIXES)}) below {', '.join(map(str, folders))}", BAD_INPUT)
+        stop(f"--check: no robots ({', '.join(SUFFIXES)}) below {', '.join(map(str, folders))}")
     with measuring(len(robots), quiet) as progress:
         frame = run(robots, out, allow_paths, simulated, progress)
     ended(frame, report, out, output, quiet)
@@ -150,11 +148,9 @@ def _import(  # type: ignore[no-untyped-def]
     from touchstone.scenarios.files.write import scene_json, scene_toml
 
     if not NAME.fullmatch(name):
-        stop(f"--as {name}: expected letters, digits and -_ .,+= after a letter", BAD_INPUT)
-    try:
+        stop(f"--as {name}: expected letters, digits and -_ .,+= after a letter")
+    with refusing(RobotError):
         found = imported(robot, name, allow_paths, simulated)
-    except RobotError as error:
-        stop(str(error), BAD_INPUT)
     scenario = found.scenario
     comment = "\n".join([f"{robot.name}, imported by touchstone", *found.notes])
     text = scene_json(scenario) if path.suffix == ".json" else scene_toml(scenario, comment)
