@@ -66,10 +66,7 @@ def cheapest(
     from touchstone.reports.docs.listing import show_rows
     from touchstone.reports.runner.store import StoreError
     from touchstone.reports.studies.work_precision.cheapest import cheapest as find
-    from touchstone.reports.studies.work_precision.cheapest import (
-        missing_quantities,
-        settings_of_scene,
-    )
+    from touchstone.reports.studies.work_precision.cheapest import missing_quantities, settings_of_scene
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
     from touchstone.reports.studies.work_precision.study import StudyCells, measure
     from touchstone.scenarios.catalogue import catalogue

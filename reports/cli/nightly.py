@@ -109,10 +109,7 @@ def _publish(
         "badge.json": lambda: outputs.write_badge(folder, level),
         "report.html": lambda: outputs.write_page(
             *(folder, measured, level, sentence, findings),
-            (
-                outputs.history_charts(history, known_nights),
-                outputs.history_table(history, known_nights),
-            ),
+            (outputs.history_charts(history, known_nights), outputs.history_table(history, known_nights)),
         ),
         "report.md": lambda: outputs.write_markdown(
             folder, outputs.markdown(sentence, findings, [*store.notes, *measured.faults])

@@ -117,8 +117,7 @@ def test_unsupported_scenes_are_named():
     with pytest.raises(Unsupported, match=r"bullet: friction must be 0 or up to 10, found 12 .*floor-mover"):
         start(scene(FLOOR, mover(s.Sphere(0.1)), coefficients=((0.5, 12.0),)))
     with pytest.raises(
-        Unsupported,
-        match="bullet: no profile 'paper'; valid: recommended, equal-step, default",
+        Unsupported, match="bullet: no profile 'paper'; valid: recommended, equal-step, default"
     ):
         BulletEngine().build(scene(FLOOR), Settings("paper", DT))
 

@@ -65,12 +65,7 @@ READ_BACK = {
     ("mujoco", "solreffriction=0.1", "pair_solreffriction", "[[-1.0, -20.0]]"),
     ("mujoco", "speculative=on", "speculative", True),
     ("mujoco", "sleep=on", "sleep", True),
-    (
-        "mujoco",
-        "solimp=0.5:0.6:0.002:0.4:3",
-        "geom_solimp",
-        "[[0.5, 0.6, 0.002, 0.4, 3.0]]",
-    ),
+    ("mujoco", "solimp=0.5:0.6:0.002:0.4:3", "geom_solimp", "[[0.5, 0.6, 0.002, 0.4, 3.0]]"),
     ("bullet", "numSolverIterations=7", "numSolverIterations (read back)", 7),
     ("bullet", "solverResidualThreshold=0.001", "solverResidualThreshold (as set)", 1e-3),
     ("bullet", "numSubSteps=3", "numSubSteps (read back)", 3),

@@ -11,12 +11,7 @@ pytest.importorskip("coal", reason="coal (pin) is not installed")
 from touchstone.adapters.engines.reference.reference_world import matrix
 from touchstone.adapters.oracles import minkowski
 from touchstone.adapters.oracles.closed_distance import Placed, closed_distance
-from touchstone.adapters.oracles.overlap import (
-    MARGIN,
-    coal_shape,
-    measure,
-    signed_distance,
-)
+from touchstone.adapters.oracles.overlap import MARGIN, coal_shape, measure, signed_distance
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.random_scenes.bodies import random_shape
 from touchstone.scenarios.scenario import Body, Box, Capsule, Cylinder, Ellipsoid, Hull, Piece, Sphere

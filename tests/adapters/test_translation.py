@@ -30,9 +30,7 @@ from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios.avatar.avatar import arm_with_hand_parts
 from touchstone.scenarios.catalogue import catalogue, find
 from touchstone.scenarios.relations.changes import similar
-from touchstone.scenarios.scenario import (
-    PairCoefficients,
-)
+from touchstone.scenarios.scenario import PairCoefficients
 
 
 def test_too_many_materials_are_unsupported(lab):

@@ -11,13 +11,7 @@ from touchstone.adapters.contract import AdapterError
 from touchstone.reports.docs.measurements import page_of
 from touchstone.reports.progress import quietly
 from touchstone.reports.studies.paper import claims
-from touchstone.reports.studies.paper.claims import (
-    CLAIMS,
-    PAIRS,
-    PASSES,
-    Series,
-    plateaus,
-)
+from touchstone.reports.studies.paper.claims import CLAIMS, PAIRS, PASSES, Series, plateaus
 from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, report, run
 
 RATE, COUNT = 60, 480

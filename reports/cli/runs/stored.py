@@ -114,9 +114,7 @@ def _group() -> None:
 
 
 @failings.command()
-def measure(
-    runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")],
-) -> None:
+def measure(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]) -> None:
     """Write the sizes of the known failings of runs to the table of failings, and print the difference."""
     from touchstone.reports.changes import RunError, table_of
     from touchstone.reports.results import rows_of

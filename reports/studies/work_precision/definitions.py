@@ -34,13 +34,7 @@ PROFILES: dict[str, tuple[str, ...]] = {
 }
 """Profiles that are played at all steps; of an engine that is not named, its first."""
 KNOBS: dict[str, tuple[str, ...]] = {
-    "mujoco": (
-        "solref=0.04",
-        "solref=0.005",
-        "impratio=10",
-        "noslip_iterations=10",
-        "integrator=RK4",
-    ),
+    "mujoco": ("solref=0.04", "solref=0.005", "impratio=10", "noslip_iterations=10", "integrator=RK4"),
     "bullet": (
         "numSolverIterations=10",
         "numSolverIterations=250",

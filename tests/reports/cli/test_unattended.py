@@ -189,10 +189,7 @@ def test_version_help_and_completion(touchstone, monkeypatch):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
 @pytest.mark.parametrize(
     ("redirected", "code", "said"),
-    [
-        ("2>&1 | true", 141, ""),
-        ("> /dev/full", 2, "touchstone: standard output: No space left on device"),
-    ],
+    [("2>&1 | true", 141, ""), ("> /dev/full", 2, "touchstone: standard output: No space left on device")],
 )
 def test_results_outlive_their_reader(tmp_path, redirected, code, said):
     """Results are stored where standard output is closed or full while scenes are shown; the code says so."""
