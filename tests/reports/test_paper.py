@@ -165,8 +165,6 @@ def test_the_command_prints_rows(touchstone, monkeypatch) -> None:
         return pd.DataFrame({"metric": ["paper.claim"], "verdict": [""]})
 
     monkeypatch.setattr(study, "run", fake)
-    code, out, _ = touchstone(
-        "study", "paper", "--repeats", "3", "--out", "here", "--format", "csv", "--quiet"
-    )
+    code, out, _ = touchstone("study paper --repeats 3 --out here --format csv --quiet")
     assert (code, asked) == (0, [(3, "here")])
     assert out.splitlines() == ["metric,verdict", "paper.claim,"]

@@ -1,6 +1,5 @@
 """`touchstone bench`: whole folders or none; `bench scaling` on power laws and on fakes."""
 
-import sys
 from math import nan
 from pathlib import Path
 
@@ -19,7 +18,6 @@ from touchstone.reports.bench.scaling import (
     resting_balls,
     rows_of_curves,
 )
-from touchstone.reports.cli import main as cli
 from touchstone.reports.output_folder import OutputError
 from touchstone.reports.progress import quietly
 from touchstone.reports.results import Row, table
@@ -49,18 +47,15 @@ def test_an_interrupted_bench_leaves_nothing(name: str, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_broken_limit_fails_the_command(monkeypatch, tmp_path: Path, capfd) -> None:
+def test_a_broken_limit_fails_the_command(monkeypatch, touchstone) -> None:
     """End with exit 1 and the reason where a limit is broken, 0 where it holds."""
 
     row = Row("bench scaling", BROAD_PHASE, "reference", "balanced", nan, "scaling.exponent", 1.0, "1")
     for largest, wanted in ((0.9, 1), (1.1, 0)):
         monkeypatch.setattr(limits, "LIMITS", (Limit("scaling.exponent", largest, "as asked"),))
         monkeypatch.setattr(scaling, "run", lambda out, progress: table([judged(row, ())]))
-        monkeypatch.setattr(sys, "argv", ["touchstone", "bench", "scaling", "--out", str(tmp_path / "o")])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        out, _ = capfd.readouterr()
-        assert (end.value.code or 0) == wanted
+        code, out, _ = touchstone("bench scaling --out o")
+        assert code == wanted
         assert ("limit 0.900: as asked" in out) == (wanted == 1)
 
 
@@ -70,17 +65,12 @@ OTHER = "coal"
 def test_exponents_of_power_laws_are_exact() -> None:
     """Give the exponent of times that follow one, a time per size, and the limit of the broad phase."""
     sizes = [100, 1000, 10_000]
+    steep, flat = (
+        [np.full(5, scale * n**power) for n in sizes] for scale, power in ((1e-7, 1.2), (1e-6, 0.4))
+    )
     curves = [
-        Curve(
-            BROAD_PHASE,
-            "pieces",
-            "reference",
-            "balanced",
-            nan,
-            sizes,
-            [np.full(5, 1e-7 * n**1.2) for n in sizes],
-        ),
-        Curve(VERTICES, "vertices", OTHER, "default", nan, sizes, [np.full(5, 1e-6 * n**0.4) for n in sizes]),
+        Curve(BROAD_PHASE, "pieces", "reference", "balanced", nan, sizes, steep),
+        Curve(VERTICES, "vertices", OTHER, "default", nan, sizes, flat),
     ]
     rows = [judged(row, ()) for row in rows_of_curves(curves)]
     powers = {row.engine: row for row in rows if row.metric == "scaling.exponent"}

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shlex
 import subprocess
 import sys
 from io import StringIO
@@ -21,32 +20,20 @@ from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.write import scene_toml
 
 
-def test_a_sweep_is_printed_and_kept(touchstone, tmp_path):
+def test_a_sweep_is_printed_and_kept(touchstone, refused, tmp_path):
     """Steps and settings make cells, the second call measures none, another version is refused."""
-    asked = (
-        "sweep",
-        "fall",
-        "--engine",
-        "mujoco",
-        "--profile",
-        "recommended",
-        "--jobs",
-        "1",
-        "--dt",
-        "1/60,1/240",
-    )
-    code, out, err = touchstone(*asked, "--set", "mujoco.integrator=Euler,RK4", "--set", "numSubSteps=1,2")
+    asked = "sweep fall --engine mujoco --profile recommended --jobs 1 --dt 1/60,1/240"
+    code, out, err = touchstone(f"{asked} --set mujoco.integrator=Euler,RK4 --set numSubSteps=1,2")
     assert code == 0, err
     assert "4 cells" in out
     assert "integrator=RK4" in out
     files = sorted((tmp_path / "runs" / "sweep" / "cells").iterdir())
-    code, out, _ = touchstone(*asked, "--set", "mujoco.integrator=Euler,RK4", "--format", "csv", "--quiet")
+    code, out, _ = touchstone(f"{asked} --set mujoco.integrator=Euler,RK4 --format csv --quiet")
     assert code == 0
     assert out.count("\n") > 40
     assert sorted((tmp_path / "runs" / "sweep" / "cells").iterdir()) == files
     (tmp_path / "runs" / "sweep" / "store.json").write_text('{"format": 99}')
-    code, _, err = touchstone(*asked)
-    assert (code, err) == (2, "touchstone: runs/sweep: store of version 99, this program writes 1\n")
+    assert refused(asked) == "runs/sweep: store of version 99, this program writes 1"
 
 
 @pytest.mark.parametrize(
@@ -70,25 +57,23 @@ def test_a_missing_engine_is_told_in_quiet(touchstone, command):
     """Exit 3 has its line under `--quiet`, for an engine without our usual profiles too."""
     if installed("drake"):
         pytest.skip("drake is installed")
-    engine = ["drake"] if command == "check-engine" else ["--engine", "drake"]
-    code, out, err = touchstone(*command.split(), *engine, "--quiet")
+    engine = "drake" if command == "check-engine" else "--engine drake"
+    code, out, err = touchstone(f"{command} {engine} --quiet")
     assert (code, out) == (3, ""), err
     assert missing_reason("drake") in err
 
 
-def test_a_slurm_script_is_written(touchstone, tmp_path):
+def test_a_slurm_script_is_written(touchstone, refused, tmp_path):
     """The script repeats the command with an absolute store, and nothing is measured."""
-    code, out, _ = touchstone(
-        "sweep", "fall", "--engine", "mujoco", "--slurm-script", "job.sh", "--jobs", "4"
-    )
+    code, out, _ = touchstone("sweep fall --engine mujoco --slurm-script job.sh --jobs 4")
     assert (code, out) == (0, "sbatch job.sh\n")
     text = (tmp_path / "job.sh").read_text()
     assert f"--engine mujoco --out {tmp_path}/runs/sweep --jobs 1" in text
     assert "slurm-script" not in text
     assert subprocess.run(["bash", "-n", "job.sh"], cwd=tmp_path, check=False).returncode == 0
     for name, said in (("job.sh", "exists"), ("no/job.sh", "No such file or directory")):
-        code, out, err = touchstone("sweep", "fall", "--engine", "mujoco", "--slurm-script", name)
-        assert (code, out, err) == (2, "", f"touchstone: --slurm-script {name}: {said}\n")
+        command = f"sweep fall --engine mujoco --slurm-script {name}"
+        assert refused(command) == f"--slurm-script {name}: {said}"
     assert (tmp_path / "job.sh").read_text() == text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["job.sh"]
 
@@ -96,14 +81,14 @@ def test_a_slurm_script_is_written(touchstone, tmp_path):
 @pytest.mark.slow
 def test_the_line_of_an_answer_meets_its_tolerances(touchstone):
     """The command that `cheapest` names, run again, has the overlap that was asked for."""
-    code, out, err = touchstone("cheapest", "bounce_e05", "--overlap", "5mm", "--engine", "bullet", "--quick")
+    code, out, err = touchstone("cheapest bounce_e05 --overlap 5mm --engine bullet --quick")
     assert code == 0, err
     line = next(text for text in out.splitlines() if text.startswith("again: touchstone "))
-    again = shlex.split(line.removeprefix("again: touchstone "))
-    code, out, err = touchstone(*again, "--format", "csv", "--quiet", "--metric", "overlap.max")
+    again = line.removeprefix("again: touchstone ")
+    code, out, err = touchstone(f"{again} --format csv --quiet --metric overlap.max")
     found = pd.read_csv(StringIO(out))
     assert found[found.metric == "overlap.max"].value.max() <= 5e-3
-    code, out, _ = touchstone("cheapest", "bounce_e05", "--overlap", "1um", "--engine", "bullet", "--quick")
+    code, out, _ = touchstone("cheapest bounce_e05 --overlap 1um --engine bullet --quick")
     assert code == 1
     assert out.startswith("nothing measured meets all; nearest miss: bullet ")
     assert "times too much" in out
@@ -111,9 +96,9 @@ def test_the_line_of_an_answer_meets_its_tolerances(touchstone):
 
 def test_seeds_and_times(touchstone):
     """A seed perturbs the scene and has a line of its own; each cell is timed in as many rounds as asked."""
-    asked = ("sweep", "collide_sticks", "--engine", "mujoco", "--profile", "recommended", "--jobs", "1")
-    asked = (*asked, "--seed", "0,1", "--timing", "--repeats", "2")
-    code, out, err = touchstone(*asked, "--format", "csv", "--quiet")
+    asked = "sweep collide_sticks --engine mujoco --profile recommended --jobs 1"
+    asked += " --seed 0,1 --timing --repeats 2"
+    code, out, err = touchstone(f"{asked} --format csv --quiet")
     assert code == 0, err
     frame = pd.read_csv(StringIO(out))
     runs = frame[frame.metric == "run"]
@@ -122,7 +107,7 @@ def test_seeds_and_times(touchstone):
     assert runs[runs.measure.str.endswith("timing")].value.min() > 0
     ends = frame[(frame.metric == "overlap.max") & frame.measure.str.endswith("accuracy")]
     assert sorted(ends.seed) == [0, 1]
-    code, out, _ = touchstone(*asked)
+    code, out, _ = touchstone(asked)
     assert code == 0
     assert "frame [us]" in out
     assert "seed" in out
@@ -155,20 +140,18 @@ def test_a_neighbour_differs_in_one_thing():
     assert [step for step in space.steps if round(1 / step) % 60] == []
 
 
-def needs_mujoco():
-    if not installed("mujoco"):
-        pytest.skip("mujoco is not installed")
+@pytest.fixture
+def mujoco(registry):
+    """Skip where MuJoCo is not installed."""
+    return registry.engine("mujoco")
 
 
 @pytest.mark.slow
-def test_a_search_prints_what_plays_again(touchstone, tmp_path):
+def test_a_search_prints_what_plays_again(touchstone, mujoco, tmp_path):
     """A search of a file's scene ends within its limits, resumes from its store, and its command plays."""
-    needs_mujoco()
-    scene = tmp_path / "mine.toml"
-    scene.write_text(scene_toml(catalogue()["bounce_e05"]))
-    asked = ["tune", str(scene), "--engine", "mujoco", "--position", "20cm", "--plays", "8"]
-    asked += ["--store", str(tmp_path / "store"), "--format", "json"]
-    code, out, err = touchstone(*asked)
+    (tmp_path / "mine.toml").write_text(scene_toml(catalogue()["bounce_e05"]))
+    asked = "tune mine.toml --engine mujoco --position 20cm --plays 8 --store store --format json"
+    code, out, err = touchstone(asked)
     assert code == 0, err
     assert "8 settings of" in err
     rows = json.loads(out)
@@ -178,47 +161,37 @@ def test_a_search_prints_what_plays_again(touchstone, tmp_path):
     assert best["excess"] <= 1
     assert "<option timestep=" in best["paste"]
     assert {row["profile"] for row in rows if row["place"] == "profile"} == set(ENGINES["mujoco"].profiles)
-    again, text, noise = touchstone(*asked)
+    again, text, noise = touchstone(asked)
     assert again == 0
     assert json.loads(text) == rows
     assert re.findall(r"mujoco .* 1/", noise) == []  # nothing was played
 
 
 @pytest.mark.slow
-def test_the_nearest_is_printed_where_nothing_reaches(touchstone, tmp_path):
+def test_the_nearest_is_printed_where_nothing_reaches(touchstone, mujoco):
     """An unreachable limit is exit 1, with the nearest setting and by how much it misses."""
-    needs_mujoco()
-    asked = ["tune", "bounce_e05", "--engine", "mujoco", "--position", "0m", "--plays", "8"]
-    code, out, _ = touchstone(*asked, "--store", str(tmp_path / "store"))
+    code, out, _ = touchstone("tune bounce_e05 --engine mujoco --position 0m --plays 8 --store store")
     assert code == 1
     assert out.startswith("no setting reaches the limits; nearest of ")
     assert "too much" in out
 
 
-def test_a_quantity_that_no_run_has_is_named(touchstone, tmp_path):
+def test_a_quantity_that_no_run_has_is_named(refused, mujoco):
     """Friction where nothing slides is bad input; the message says what there is."""
-    needs_mujoco()
-    code, _, err = touchstone(
-        *("tune", "fall", "--engine", "mujoco", "--friction", "2%", "--plays", "8", "--quiet"),
-        *("--store", str(tmp_path / "store")),
-    )
-    assert code == 2
-    assert "no friction is measured here; there is position" in err
+    said = refused("tune fall --engine mujoco --friction 2% --plays 8 --store store --quiet")
+    assert "no friction is measured here; there is position" in said
     assert issubclass(RefusedError, ValueError)
 
 
-def test_a_script_runs_without_us(touchstone, tmp_path):
+def test_a_script_runs_without_us(touchstone, refused, mujoco):
     """The file that `reproduce` writes names what misses its limit, and plays in a bare interpreter."""
-    needs_mujoco()
-    script = tmp_path / "slide.py"
-    code, out, err = touchstone("reproduce", "slide", "--engine", "mujoco", "--out", str(script))
+    command = "reproduce slide --engine mujoco --out slide.py"
+    code, out, err = touchstone(command)
     assert (code, out) == (0, "")
     assert "prints the positions of the recording to the bit" in err
-    done = subprocess.run([sys.executable, "-I", script], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-I", "slide.py"], capture_output=True, text=True, check=True)
     assert re.search(r"box_0 is [\d.]+ m from the closed form", done.stdout)
-    code, _, err = touchstone("reproduce", "slide", "--engine", "mujoco", "--out", str(script))
-    assert code == 2
-    assert "exists" in err
+    assert "exists" in refused(command)
 
 
 FILES = sorted((Path(__file__).parents[3] / "challenges").glob("*.toml"))
@@ -235,21 +208,15 @@ def test_the_files_are_valid(path):
 
 
 @pytest.mark.slow
-def test_worse_settings_are_exit_1(touchstone, tmp_path):
+def test_worse_settings_are_exit_1(touchstone, refused, mujoco, tmp_path):
     """Contacts of 0.2 s break limits of a stack that `recommended` meets; those of 5 ms break none."""
-    if not installed("mujoco"):
-        pytest.skip("mujoco is not installed")
-    path, found = tmp_path / "soft.toml", {}
-    for value in ("0.2", "0.005"):
-        path.write_text(SOFT.format(value))
-        code, out, _ = touchstone("challenge", str(path), "stack", "--out", str(tmp_path / value))
-        found[value] = code
+    for value, wanted in (("0.2", 1), ("0.005", 0)):
+        (tmp_path / "soft.toml").write_text(SOFT.format(value))
+        code, out, _ = touchstone(f"challenge soft.toml stack --out {value}")
+        assert code == wanted
         assert f"solref={value}" in out
         assert ("worse: stack +" in out) == bool(code)
-    assert found == {"0.2": 1, "0.005": 0}
-    code, _, err = touchstone("challenge", str(path), "stack", "--out", str(tmp_path / "0.2"))
-    assert code == 2
-    assert "exists" in err
+    assert "exists" in refused("challenge soft.toml stack --out 0.2")
 
 
 @pytest.mark.parametrize(
@@ -264,13 +231,8 @@ def test_worse_settings_are_exit_1(touchstone, tmp_path):
         ('profile = "recomended"\n' + SOFT.format("0.01"), "did you mean 'recommended'?"),
     ],
 )
-def test_a_wrong_file_is_one_line(text, message, touchstone, tmp_path):
+def test_a_wrong_file_is_one_line(text, message, refused, mujoco, tmp_path):
     """What was found and what is valid, exit 2, and nothing is played."""
-    if not installed("mujoco"):
-        pytest.skip("mujoco is not installed")
-    path = tmp_path / "wrong.toml"
-    path.write_text(text)
-    code, out, err = touchstone("challenge", str(path), "stack", "--out", str(tmp_path / "out"))
-    assert (code, out) == (2, "")
-    assert message in err
+    (tmp_path / "wrong.toml").write_text(text)
+    assert message in refused("challenge wrong.toml stack --out out")
     assert not (tmp_path / "out").exists()

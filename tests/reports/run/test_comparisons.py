@@ -155,9 +155,7 @@ def test_the_first_line_of_an_own_scene_names_the_farthest_body(touchstone, tmp_
     """The paper's pipeline drops a cube by metres that the other columns hold; no limit judges it."""
     pads = (PAD.replace("NAME", name).replace("SIGN", sign) for name, sign in (("left", "-"), ("right", "")))
     (tmp_path / "squeeze.toml").write_text(SQUEEZE + "".join(pads))
-    code, out, err = touchstone(
-        *("run", "squeeze.toml", "--engine", "reference", "--engine", "mujoco", "--out", "run")
-    )
+    code, out, err = touchstone("run squeeze.toml --engine reference --engine mujoco --out run")
     assert code == 0, err
     first = out.splitlines()[0]
     assert first.startswith("farthest apart: cube, "), first
@@ -166,13 +164,13 @@ def test_the_first_line_of_an_own_scene_names_the_farthest_body(touchstone, tmp_
     assert "| squeeze | cube |" in report.partition("## Differences")[0]
     assert "position." not in report.partition("### Spread of the events")[2].partition("###")[0]
     assert "farthest apart: cube" in (tmp_path / "run" / "report.html").read_text()
-    code, _, err = touchstone("judge", "run", "--out", "again", "--quiet")
+    code, _, err = touchstone("judge run --out again --quiet")
     assert code == 0, err
-    code, out, _ = touchstone("compare", "run", "again", "--metric", "position.*")
+    code, out, _ = touchstone("compare run again --metric 'position.*'")
     assert (code, "0 worse" in out) == (0, True), out
     limit = "[[limits]]\nmetric = 'position.spread'\nsubject = 'cube'\nlargest = 0.01\n"
     (tmp_path / "limits.toml").write_text(limit)
-    code, _, err = touchstone("judge", "run", "--out", "judged", "--limits", "limits.toml", "--quiet")
+    code, _, err = touchstone("judge run --out judged --limits limits.toml --quiet")
     assert (code, "position.spread" in err) == (1, True), err
 
 

@@ -186,7 +186,7 @@ def test_answers_wrong_in_kind_are_named(monkeypatch, spheres, touchstone):
     monkeypatch.setattr(
         narrow_phase, "measure", lambda *_: {name: answers(*each) for name, each in said.items()}
     )
-    code, out, err = touchstone("study", "narrow-phase", "--pairs", spheres, "--out", "out")
+    code, out, err = touchstone("study narrow-phase --pairs", spheres, "--out", "out")
     assert code == 0, err
     lines = [line for line in out.splitlines() if line.startswith(("over", "touch", "apart"))]
     assert lines == [
