@@ -42,6 +42,14 @@ QuietOption = Annotated[
     bool, typer.Option("--quiet", help="No progress and no table; failures are still printed.")
 ]
 
+Names = list[str] | None
+"""Type of an option or argument that takes names; none are the default that its help states."""
+EngineOption = Annotated[Names, typer.Option(help="Engines (default: all).")]
+JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")]
+DaskOption = Annotated[str, typer.Option(help="Play on this Dask scheduler (tcp://host:8786), or local.")]
+STORE = Path("runs/sweep")
+StoreOption = Annotated[Path, typer.Option(help="Folder of all cells; what it holds is not measured again.")]
+
 _any_time: ContextVar[bool] = ContextVar("any_time", default=True)
 """Whether what this command measures may take any time."""
 

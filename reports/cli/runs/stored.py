@@ -12,24 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from touchstone.reports.cli.options import (
-    LIMIT_BROKEN,
-    Format,
-    FormatOption,
-    PrintedOutOption,
-    QuietOption,
-    ended,
-    folder_of_now,
-    known,
-    output_to,
-    printed,
-    progress_for,
-    refusing,
-    require_judge,
-    require_new,
-    stop,
-    write_file,
-)
+from touchstone.reports.cli import options
 from touchstone.reports.cli.scenes.chosen import LimitsOption, limits_for, metrics_for
 
 PLACE = ("scenario", "engine", "profile", "metric", "subject")
@@ -49,7 +32,7 @@ def compare(
         Path | None, typer.Option(help="TOML or JSON file of tolerances per metric, after the default ones.")
     ] = None,
     metric: Annotated[
-        list[str] | None, typer.Option(help="Compare these metrics alone; patterns such as 'friction.*'.")
+        options.Names, typer.Option(help="Compare these metrics alone; patterns such as 'friction.*'.")
     ] = None,
     match: Annotated[
         Matching,
@@ -64,9 +47,9 @@ def compare(
     every: Annotated[
         bool, typer.Option("--all", help="Show changes within limits and new rows too.")
     ] = False,
-    out: PrintedOutOption = None,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    out: options.PrintedOutOption = None,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Show what changed beyond intervals, limits and tolerances; exit 1 if anything is worse or gone."""
     from touchstone.reports.changes import (
@@ -82,7 +65,7 @@ def compare(
     from touchstone.reports.cli.scenes.chosen import metrics_for
     from touchstone.scenarios.files.read import SceneFileError
 
-    with refusing(RunError, SceneFileError):
+    with options.refusing(RunError, SceneFileError):
         one, two = table_of(run_a), table_of(run_b)
         if metric:
             wanted = metrics_for(metric)
@@ -90,8 +73,8 @@ def compare(
         found = changes(one, two, tolerances(tolerance), match is Matching.profile)
     counts = {kind: int((found.kind == kind).sum()) for kind in KINDS}
     failing = ["worse"] if allow_gone else FAILING
-    with output_to(out):
-        if not printed(found[SHOWN], output) and not quiet:
+    with options.output_to(out):
+        if not options.printed(found[SHOWN], output) and not quiet:
             from touchstone.reports.views.render import console, print_parts
 
             shown = found if every else found[found.kind.isin([*FAILING, "better"])]
@@ -102,7 +85,7 @@ def compare(
         place = " ".join(filter(None, (row[name] for name in PLACE)))
         print(f"{row['kind']}: {place}: {row['reason']}", file=sys.stderr)
     if counts["worse"] or (counts["gone"] and not allow_gone):
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)
 
 
 failings = typer.Typer(no_args_is_help=True, help="Known failings.")
@@ -121,7 +104,7 @@ def measure(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]
     from touchstone.reports.verdict.failings import FILE, FailingsError, read, write
     from touchstone.reports.verdict.measure import difference, measured
 
-    with refusing(RunError, FailingsError):
+    with options.refusing(RunError, FailingsError):
         old = read(FILE)
         new = measured(old, (row for run in runs for row in rows_of(table_of(run))))
     changed = list(difference(old, new))
@@ -133,12 +116,12 @@ def measure(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]
 def judge(
     run: Annotated[Path, typer.Argument(help="Folder of a run, with its recordings.")],
     metric: Annotated[
-        list[str] | None, typer.Option(help="Report these metrics alone; patterns such as 'friction.*'.")
+        options.Names, typer.Option(help="Report these metrics alone; patterns such as 'friction.*'.")
     ] = None,
     limits: LimitsOption = None,
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/judged-<time>).")] = None,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Judge the recordings of an earlier run with today's metrics and limits."""
     from touchstone.reports.changes import RunError
@@ -147,15 +130,15 @@ def judge(
     from touchstone.reports.run.judge_again import judge as judge_again
     from touchstone.reports.views.terminal import report
 
-    folder = out or folder_of_now("judged-")
+    folder = out or options.folder_of_now("judged-")
     chosen, of_file = metrics_for(metric or []), limits_for(limits, ())
     count = len(list((run / "recordings").glob("*.npz")))
     command = " ".join(["touchstone", *sys.argv[1:]])
-    with refusing(RunError, OutputError), progress_for(count, quiet) as progress:
+    with options.refusing(RunError, OutputError), options.progress_for(count, quiet) as progress:
         results = judge_again(run, folder, progress, chosen, of_file, command)
     for line in [] if quiet else judge_faults():
         print(line, file=sys.stderr)
-    ended(results.frame, report, folder, output, quiet)
+    options.ended(results.frame, report, folder, output, quiet)
 
 
 def tolerances(
@@ -163,8 +146,8 @@ def tolerances(
     out: Annotated[
         Path | None, typer.Option(help="TOML file to write for `compare --tolerance` (default: none).")
     ] = None,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Measure how far apart times are between runs of one program: the tolerances of `compare` here."""
     from touchstone.reports.changes import RunError, differences, table_of, toml_of
@@ -172,14 +155,14 @@ def tolerances(
 
     names = [str(run) for run in dict.fromkeys(runs)]
     if len(names) < 2:
-        stop(f"{names[0]}: name two runs or more")
+        options.stop(f"{names[0]}: name two runs or more")
     if out is not None:
-        require_new(out)
-    with refusing(RunError):
+        options.require_new(out)
+    with options.refusing(RunError):
         found = differences({name: table_of(Path(name)) for name in names})
     if out is not None:
-        write_file(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
-    if not printed(found, output) and not quiet:
+        options.write_file(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
+    if not options.printed(found, output) and not quiet:
         show_rows([_shown(row) for row in found.to_dict("records")], "table")
         if out is not None:
             print(out)
@@ -201,8 +184,8 @@ MOST = 6
 def view(
     run: Annotated[Path, typer.Argument(help="Folder of a run, with its recordings.")],
     scenario: Annotated[str, typer.Argument(help="Scene of the run (default: its first).")] = "",
-    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
-    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: each engine's own).")] = None,
+    engine: options.EngineOption = None,
+    profile: Annotated[options.Names, typer.Option(help="Profiles (default: each engine's own).")] = None,
     out: Annotated[Path | None, typer.Option(help="Page to write (default: RUN/view-SCENE.html).")] = None,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
 ) -> None:
@@ -214,27 +197,27 @@ def view(
     from touchstone.reports.page.run_page import own_columns, scene_page, scenes_of
 
     if out is not None:
-        require_new(out)
-    with refusing(RunError):
+        options.require_new(out)
+    with options.refusing(RunError):
         found = scenes_of(run)
-        name = known("scenario", scenario, found) if scenario else next(iter(found))
+        name = options.known("scenario", scenario, found) if scenario else next(iter(found))
         columns = found[name]
         for wanted, kind, place in ((engine, "engine", 0), (profile, "profile", 1)):
             names = {column[place] for column in columns}
-            kept = [known(kind, one, names) for one in wanted or names]
+            kept = [options.known(kind, one, names) for one in wanted or names]
             columns = {column: path for column, path in columns.items() if column[place] in kept}
         if not columns:
-            stop(f"{run}: no recording of {name} fits --engine and --profile")
+            options.stop(f"{run}: no recording of {name} fits --engine and --profile")
         if not profile:
             columns = own_columns(columns)
-        require_judge()
+        options.require_judge()
         shown = dict(list(columns.items())[:MOST])
         if len(columns) > MOST:
             left = ", ".join(" ".join(column) for column in list(columns)[MOST:])
             print(f"not shown, more than {MOST}: {left} (--engine, --profile)", file=sys.stderr)
         text = scene_page(run, name, shown)
     path = out or run / f"view-{name}.html"
-    write_file(path, lambda part: part.write_text(text, "utf-8"))
+    options.write_file(path, lambda part: part.write_text(text, "utf-8"))
     if show and not webbrowser.open(f"{path.absolute().as_uri()}#play={name}"):
         print("no browser was found; open the page by hand", file=sys.stderr)
     print(path)
