@@ -140,10 +140,11 @@ def test_an_error_reaches_the_caller(tmp_path: Path, where: str) -> None:
         list(Pool(start, 2, tmp_path).each(tasks(), play))
 
 
-HERE = Path(__file__).parent
+HERE = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "shared")]
+"""Folders of the fakes."""
 HANGING = """
 import sys, threading
-sys.path.insert(0, {here!r})
+sys.path[:0] = {here!r}
 from functools import partial
 from pathlib import Path
 from fake_engines import load
@@ -205,7 +206,7 @@ def running(process):
 )
 def test_a_hung_child_ends_with_its_killed_parent(tmp_path, start):
     """Kill -9 of a parent whose engine hangs ends the child, whichever thread of the parent started it."""
-    program = HANGING.format(here=str(HERE), folder=str(tmp_path), start=start)
+    program = HANGING.format(here=HERE, folder=str(tmp_path), start=start)
     parent = subprocess.Popen([sys.executable, "-c", program])
     pid = tmp_path / "hangs on load.pid"
     assert soon(lambda: pid.exists() and pid.read_text())

@@ -50,7 +50,7 @@ def touchstone(monkeypatch, capfd, tmp_path):
 
 @pytest.fixture
 def refused(touchstone):
-    """Call the program with bad input, which ends in exit 2 and one line: what this line says."""
+    """Call the program with bad input, which ends in exit 2 and one line: what it says."""
 
     def call(*arguments):
         code, out, err = touchstone(*arguments)

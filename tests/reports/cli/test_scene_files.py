@@ -76,7 +76,8 @@ def test_a_file_adds_limits_and_replaces_ours(here, tmp_path):
             "l.toml:4: limits[0].most: unknown field 'most'",
         ),
         ('[[limits]]\nmetric = "work"\nlargest = 1\nengine = "bulet"', "l.toml:4: limits[0].engine: unknown"),
-        ("limit = 1", "l.toml:1: limits: missing"),
+        ("limits = []\nlimit = 1", "l.toml:2: limit: unknown field 'limit'"),
+        ("", "l.toml:1: limits: missing"),
     ],
 )
 def test_wrong_limits_exit_with_their_line(refused, tmp_path, text, line):

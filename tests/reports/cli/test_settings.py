@@ -222,8 +222,8 @@ def test_worse_settings_are_exit_1(touchstone, refused, mujoco, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('engine = "mujoco"', "settings: missing"),
-        (SOFT.format("0.01").replace("by", "profil"), "profil"),
+        (SOFT.partition("[settings]")[0], "settings: missing"),
+        ('profil = "x"\n' + SOFT.format("0.01"), "profil: unknown field 'profil'"),
         (SOFT.format("0.01").replace("mujoco", "mujco"), "did you mean 'mujoco'?"),
         (SOFT.format("0.01").replace("solref", "solrf"), "did you mean 'solref'?"),
         (SOFT.format("-1"), "solref: found '-1'"),
