@@ -1,7 +1,5 @@
 """Builders that several test files share: small scenes, their worlds, and the depth of two pieces."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile
@@ -189,12 +187,7 @@ def ground() -> Body:
 def still(root: str, position: Vector, end: Vector | None = None, duration: float = 1.0) -> Tracker:
     """A tracker that rests, or goes to `end`."""
     return Tracker(
-        root,
-        (),
-        (0.0, duration),
-        (position, end or position),
-        ((1.0, 0.0, 0.0, 0.0),) * 2,
-        ((), ()),
+        root, (), (0.0, duration), (position, end or position), ((1.0, 0.0, 0.0, 0.0),) * 2, ((), ())
     )
 
 

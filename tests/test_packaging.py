@@ -1,7 +1,5 @@
 """The package `touchstone` of the four source folders: from a checkout, and in the wheel."""
 
-from __future__ import annotations
-
 import os
 import re
 import runpy

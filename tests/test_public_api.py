@@ -1,7 +1,5 @@
 """`import touchstone`: names that work in scripts, from standard input and beside the user's packages."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -105,10 +103,7 @@ def test_a_saved_run_is_loaded_again(tmp_path: Path, forked):
         ({"scenes": "fal"}, r"unknown scene 'fal'; did you mean 'fall'"),
         ({"scenes": "fall", "engines": ["mujco"]}, r"unknown engine 'mujco'; did you mean 'mujoco'"),
         ({"scenes": "fall", "profiles": ["best"]}, r"unknown profile 'best'"),
-        (
-            {"scenes": "fall", "engines": ["mujoco"], "profiles": ["paper"]},
-            r"no engine of mujoco has",
-        ),
+        ({"scenes": "fall", "engines": ["mujoco"], "profiles": ["paper"]}, r"no engine of mujoco has"),
         ({"scenes": []}, r"expected one or more"),
         ({"scenes": ["fall", "fall"]}, r"each with a name of its own"),
         ({"scenes": "fall", "engines": "mujco"}, r"unknown engine 'mujco'"),

@@ -1,7 +1,5 @@
 """The structure that CONTRIBUTING promises: layers without circles."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

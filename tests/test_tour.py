@@ -1,7 +1,5 @@
 """`docs/tour.md`: every command runs in an empty folder and prints what the page says."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -33,11 +31,7 @@ def steps(page: str) -> Iterator[tuple[str, list[str]]]:
 def programs(folder: Path, plugin: str) -> None:
     """`touchstone`, `pytest` and `python` of this interpreter."""
     folder.mkdir()
-    lines = {
-        "touchstone": f"-c '{MAIN}'",
-        "pytest": f"-m pytest {plugin} -p no:cacheprovider",
-        "python": "",
-    }
+    lines = {"touchstone": f"-c '{MAIN}'", "pytest": f"-m pytest {plugin} -p no:cacheprovider", "python": ""}
     for name, arguments in lines.items():
         script = folder / name
         script.write_text(f'#!/bin/sh\nexec {sys.executable} {arguments} "$@"\n')

@@ -10,20 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    LIMIT_BROKEN,
-    QuietOption,
-    changes_for,
-    engine_installed,
-    folder_of_now,
-    known,
-    progress_for,
-    require_judge,
-    require_new,
-    step_for,
-    stop,
-)
+from touchstone.reports.cli import options
 from touchstone.reports.cli.scenes.chosen import scenarios_for
 
 if TYPE_CHECKING:
@@ -55,12 +42,12 @@ class SettingsFile:
 
 def challenge(
     file: Annotated[Path, typer.Argument(help="Settings of an engine (TOML or JSON; docs/challenge.md).")],
-    scenario: Annotated[list[str] | None, typer.Argument(help="Scenes (default: --tag).")] = None,
+    scenario: Annotated[options.Names, typer.Argument(help="Scenes (default: --tag).")] = None,
     tag: Annotated[str, typer.Option(help="Play every scene with this tag.")] = "probe",
     out: Annotated[
         Path | None, typer.Option(help="Folder of both runs (default: runs/challenge-TIME).")
     ] = None,
-    quiet: QuietOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Play a settings file beside the engine's recommended profile: rows over their limits, and time.
 
@@ -71,16 +58,16 @@ def challenge(
     from touchstone.reports.runner.request import MACHINE_PROFILE, Request
 
     given = settings_file(file)
-    engine = engine_installed(given.engine)
+    engine = options.engine_installed(given.engine)
     scenarios = tuple(scenarios_for(scenario or [], tag))
     profiles = _profiles(engine)
-    own, named = (engine, known("profile", given.profile, profiles)), f"{engine} {given.profile}"
+    own, named = (engine, options.known("profile", given.profile, profiles)), f"{engine} {given.profile}"
     before = (engine, MACHINE_PROFILE if MACHINE_PROFILE in profiles else profiles[0])
-    changes = changes_for([own], [f"{engine}.{key}={value}" for key, value in given.settings.items()])
-    step = step_for(given.dt, list(scenarios)) if given.dt else None
-    require_judge()
-    folder = out or folder_of_now("challenge-")
-    require_new(folder)
+    changes = options.changes_for([own], [f"{engine}.{key}={value}" for key, value in given.settings.items()])
+    step = options.step_for(given.dt, list(scenarios)) if given.dt else None
+    options.require_judge()
+    folder = out or options.folder_of_now("challenge-")
+    options.require_new(folder)
     command = " ".join(["touchstone", *sys.argv[1:]])
     requests = (
         Request(scenarios, (before,), folder / "before", command=command),
@@ -88,7 +75,9 @@ def challenge(
     )
     tables = []
     for request in requests:
-        with progress_for(sum(one.frame_count for one in scenarios), quiet, by_scene=True) as progress:
+        with options.progress_for(
+            sum(one.frame_count for one in scenarios), quiet, by_scene=True
+        ) as progress:
             tables.append(rows_of(run(request, progress).frame))
     counts = [sum(1 for _ in missed(rows)) for rows in tables]
     if not quiet:
@@ -96,7 +85,7 @@ def challenge(
         print(f"settings: {'; '.join(changes) or 'as the profile'}; by {given.by}; {given.source}")
         print(f"results: {folder}")
     if counts[1] > counts[0]:
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)
 
 
 def settings_file(path: Path) -> SettingsFile:
@@ -108,12 +97,10 @@ def settings_file(path: Path) -> SettingsFile:
     texts = dict.fromkeys(("engine", "source", "by"), (str, ...)) | {"profile": (str, "recommended")}
     fields = {**texts, "dt": (str, ""), "settings": (dict[str, str], ...)}
     model = create_model("Settings", __config__={"extra": "forbid"}, **fields)  # type: ignore[call-overload]
-    try:
+    with options.refusing(SceneFileError):
         data, faults, message_of = data_of_file(path, model)
-    except SceneFileError as error:
-        stop(str(error), BAD_INPUT)
     if faults:
-        stop(message_of(faults), BAD_INPUT)
+        options.stop(message_of(faults))
     return SettingsFile(**data)
 
 

@@ -6,28 +6,11 @@ import sys
 from functools import partial
 from math import isfinite
 from os import cpu_count
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    LIMIT_BROKEN,
-    Format,
-    FormatOption,
-    PrintedOutOption,
-    QuietOption,
-    YesOption,
-    engine_installed,
-    known,
-    measuring,
-    output_to,
-    require_judge,
-    require_new,
-    resumable,
-    stop,
-)
+from touchstone.reports.cli import options
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 
 if TYPE_CHECKING:
@@ -48,14 +31,12 @@ def cheapest(
     frame_budget: Annotated[str, typer.Option(help="Largest time of a frame, such as 4ms.")] = "",
     engine: Annotated[str, typer.Option(help="One engine only.")] = "",
     quick: Annotated[bool, typer.Option("--quick", help="Three steps and two rounds.")] = False,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
-    store: Annotated[
-        Path, typer.Option(help="Folder of all cells; what it holds is not measured again.")
-    ] = Path("runs/sweep"),
-    out: PrintedOutOption = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
+    jobs: options.JobsOption = None,
+    store: options.StoreOption = options.STORE,
+    out: options.PrintedOutOption = None,
+    output: options.FormatOption = options.Format.table,
+    yes: options.YesOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Name the cheapest measured setting within tolerances, the runner-up, and the line that plays it.
 
@@ -66,15 +47,12 @@ def cheapest(
     from touchstone.reports.docs.listing import show_rows
     from touchstone.reports.runner.store import StoreError
     from touchstone.reports.studies.work_precision.cheapest import cheapest as find
-    from touchstone.reports.studies.work_precision.cheapest import (
-        missing_quantities,
-        settings_of_scene,
-    )
+    from touchstone.reports.studies.work_precision.cheapest import missing_quantities, settings_of_scene
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
     from touchstone.reports.studies.work_precision.study import StudyCells, measure
     from touchstone.scenarios.catalogue import catalogue
 
-    scene = catalogue()[known("scenario", scenario, catalogue())]
+    scene = catalogue()[options.known("scenario", scenario, catalogue())]
     limits = limits_of(
         overlap=overlap,
         energy=energy,
@@ -84,25 +62,25 @@ def cheapest(
         budget=frame_budget,
     )
     if not limits:
-        stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%", BAD_INPUT)
-    engines = [engine_installed(engine)] if engine else list(ENGINES)
-    require_judge()
+        options.stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%")
+    engines = [options.engine_installed(engine)] if engine else list(ENGINES)
+    options.require_judge()
     cells = StudyCells([scene.name], engines, quick, with_ladder=False)
-    with resumable(store), measuring(cells.size, quiet, StoreError) as progress:
+    with options.resumable(store), options.measuring(cells.size, quiet, StoreError) as progress:
         table, _ = measure(cells, store, jobs, progress)
     if gone := missing_quantities(table, limits):
         has = ", ".join(name for name in QUANTITIES if name in set(table.quantity))
-        stop(f"{scene.name}: no {' and no '.join(gone)} is measured in this scene; it has {has}", BAD_INPUT)
+        options.stop(f"{scene.name}: no {' and no '.join(gone)} is measured in this scene; it has {has}")
     answer = find(settings_of_scene(table, scene.frame_rate), limits, engine)
     if answer is None:
-        stop(f"{scene.name}: no setting was measured in all of {', '.join(limits)}", BAD_INPUT)
-    with output_to(out):
-        if output is Format.table:
+        options.stop(f"{scene.name}: no setting was measured in all of {', '.join(limits)}")
+    with options.output_to(out):
+        if output is options.Format.table:
             print("\n".join(lines(answer, limits)))
         else:
             show_rows(rows(answer, limits), output)
     if not answer.met:
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)
 
 
 def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
@@ -110,14 +88,12 @@ def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
     from touchstone.reports.studies.work_precision.cheapest import TIME, ToleranceError, tolerance
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
 
-    try:
+    with options.refusing(ToleranceError):
         limits = {
             name: tolerance(text, QUANTITIES[name].unit, f"--{name}") for name, text in asked.items() if text
         }
         if budget:
             limits[TIME] = tolerance(budget, "s", "--frame-budget")
-    except ToleranceError as error:
-        stop(str(error), BAD_INPUT)
     return limits
 
 
@@ -213,15 +189,13 @@ def tune(
     plays: Annotated[int, typer.Option(min=8, help="Settings that are tried.")] = PLAYS,
     quick: Annotated[bool, typer.Option("--quick", help=f"{QUICK_PLAYS} settings, fewer timings.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the random search.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
-    dask: Annotated[str, typer.Option(help="Play on this Dask scheduler (tcp://host:8786), or local.")] = "",
-    store: Annotated[
-        Path, typer.Option(help="Folder of all cells; what it holds is not measured again.")
-    ] = Path("runs/sweep"),
+    jobs: options.JobsOption = None,
+    dask: options.DaskOption = "",
+    store: options.StoreOption = options.STORE,
     allow_paths: AllowPathsOption = False,
-    out: PrintedOutOption = None,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    out: options.PrintedOutOption = None,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Search an engine's settings for the cheapest within limits; print the lines that set it in the engine.
 
@@ -235,7 +209,7 @@ def tune(
     from touchstone.reports.studies.work_precision.cheapest import TIME
 
     if not engine:
-        stop("tune: name the engine whose settings are searched, such as --engine mujoco", BAD_INPUT)
+        options.stop("tune: name the engine whose settings are searched, such as --engine mujoco")
     limits = limits_of(
         position=position,
         friction=friction,
@@ -245,28 +219,28 @@ def tune(
         budget=frame_budget,
     )
     if not limits.keys() - {TIME}:
-        stop("tune: give a limit on an error, such as --position 1mm --friction 2%", BAD_INPUT)
+        options.stop("tune: give a limit on an error, such as --position 1mm --friction 2%")
     chosen = tuned_scenes(scenario, scenes, allow_paths)
-    name = engine_installed(engine)
+    name = options.engine_installed(engine)
     if out is not None:
-        require_new(out)
-    require_judge()
+        options.require_new(out)
+    options.require_judge()
     executor = partial(DaskPool, dask, jobs or cpu_count() or 1) if dask else None
     tried, rounds = (QUICK_PLAYS, QUICK_TIMINGS) if quick else (plays, TIMINGS)
     asked = Asked(name, chosen, limits, tried, rounds, seed, store, jobs, executor)
     for line in [] if quiet else cost_lines(asked):
         print(line, file=sys.stderr, flush=True)
     with (
-        resumable(store),
-        measuring(tried * len(chosen), quiet, StoreError, ClusterError, RefusedError) as progress,
+        options.resumable(store),
+        options.measuring(tried * len(chosen), quiet, StoreError, ClusterError, RefusedError) as progress,
     ):
         found = Search(asked, progress).run()
     try:
         pasted = lines_to_paste(asked, found)
     except AdapterError as error:
         pasted = [f"none: {error}"]
-    with output_to(out):
-        if output is Format.table:
+    with options.output_to(out):
+        if output is options.Format.table:
             if not quiet or out is not None:
                 print("\n".join(tuned_lines(asked, found, pasted)))
         else:
@@ -276,7 +250,7 @@ def tune(
     if not found.met:
         if quiet:
             print(f"no setting reaches the limits; nearest: {margins(found.best, limits)}", file=sys.stderr)
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)
 
 
 def tuned_scenes(scenario: str, tag: str, allow_paths: bool) -> dict[str, Scenario]:
@@ -284,12 +258,12 @@ def tuned_scenes(scenario: str, tag: str, allow_paths: bool) -> dict[str, Scenar
     from touchstone.scenarios.files.named import path_of
 
     if bool(scenario) == bool(tag):
-        stop("tune: name one scene, or a tag by --scenes", BAD_INPUT)
+        options.stop("tune: name one scene, or a tag by --scenes")
     if tag:
         return {one.name: one for one in scenarios_for([], tag)}
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     if others:
-        stop(f"{scenario}: {1 + len(others)} scenes; tune takes a file of one", BAD_INPUT)
+        options.stop(f"{scenario}: {1 + len(others)} scenes; tune takes a file of one")
     path = path_of(scenario)
     return {str(path.resolve()) if path else chosen.name: chosen}
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, stop
+from touchstone.reports.cli.options import refusing, stop
 
 GALLERY = "gallery"
 
@@ -32,22 +32,18 @@ def docs(
     from touchstone.scenarios.catalogue import tagged
 
     if not (out / "index.md").is_file():
-        stop(f"--out {out}: no documentation here (index.md is missing); run in a checkout", BAD_INPUT)
-    try:
+        stop(f"--out {out}: no documentation here (index.md is missing); run in a checkout")
+    with refusing(NoResults):
         pages = [page_of(folder) for folder in results or ()]
-    except NoResults as error:
-        stop(str(error), BAD_INPUT)
     folder = out / "generated"
     for needed in (folder / "pictures", out / "settings"):
         needed.mkdir(parents=True, exist_ok=True)
     if stills:
         from touchstone.reports.docs.measurements import draw
 
-        try:
+        with refusing(AdapterError):
             for name in draw(tagged(GALLERY), folder / "pictures"):
                 print(f"drew {name}")
-        except AdapterError as error:
-            stop(str(error), BAD_INPUT)
     drawn = {
         scene.name: f"pictures/{scene.name}.png"
         for scene in tagged(GALLERY)

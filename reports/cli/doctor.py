@@ -10,42 +10,31 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    LIMIT_BROKEN,
-    Format,
-    FormatOption,
-    PrintedOutOption,
-    QuietOption,
-    engine_installed,
-    exit_for,
-    output_to,
-    stop,
-)
+from touchstone.reports.cli import options
 
 
 def check_engine(
     name: Annotated[str, typer.Argument(help="An engine, or module:Class of one that is not installed.")],
     profile: Annotated[str, typer.Option(help="Profile (default: the first of the engine).")] = "",
-    out: PrintedOutOption = None,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    out: options.PrintedOutOption = None,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Play small scenes with known outcomes on an engine; say what its adapter does wrong."""
     from touchstone.reports.docs.listing import show_rows
 
-    engine = engine_installed(name)
+    engine = options.engine_installed(name)
     rows: list[dict[str, object]] = []
-    at_once = output is Format.table and not quiet
-    with output_to(out):
+    at_once = output is options.Format.table and not quiet
+    with options.output_to(out):
         _check(engine, profile, rows, at_once)
-        if output is not Format.table:
+        if output is not options.Format.table:
             show_rows(rows, output)
     faults = [row for row in rows if row["verdict"] == "fault"]
     for row in faults if quiet else ():
         print(f"fault: {row['check']}: {row['finding']}", file=sys.stderr)
     if faults:
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)
 
 
 def _check(engine: str, profile: str, rows: list[dict[str, object]], at_once: bool) -> None:
@@ -53,7 +42,7 @@ def _check(engine: str, profile: str, rows: list[dict[str, object]], at_once: bo
     from touchstone.adapters.conformance.check import check
     from touchstone.adapters.contract import AdapterError
 
-    try:
+    with options.refusing(AdapterError):
         for report in check(engine, profile):
             lines = [("fault", fault) for fault in report.faults]
             lines += [("not checked", report.skipped)] if report.skipped else []
@@ -61,8 +50,6 @@ def _check(engine: str, profile: str, rows: list[dict[str, object]], at_once: bo
                 rows.append({"check": report.check, "verdict": verdict, "finding": text})
                 if at_once:
                     print(f"{verdict:12}{report.check:16}{text}".rstrip(), flush=True)
-    except AdapterError as error:
-        stop(str(error), BAD_INPUT)
 
 
 LIBRARIES = ("numpy", "scipy", "pandas", "numba", "python-fcl", "coal", "pin")
@@ -122,7 +109,9 @@ def compile_facts() -> dict[str, str]:
 
 
 def doctor(
-    out: PrintedOutOption = None, output: FormatOption = Format.table, quiet: QuietOption = False
+    out: options.PrintedOutOption = None,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Engines, imported in a child process each, judges, versions, processor and the compile cache."""
     from touchstone.adapters.engines.reference.compile_progress import announcement
@@ -139,14 +128,14 @@ def doctor(
     if note := announcement():
         print(note, file=sys.stderr)
     found += [(key, value, "") for key, value in compile_facts().items()]
-    with output_to(out):
-        if output is Format.table and quiet:
+    with options.output_to(out):
+        if output is options.Format.table and quiet:
             for name, text, status in found:
                 if status not in ("", "done"):
                     print(f"{name}: {text}", file=sys.stderr)
-        elif output is Format.table:
+        elif output is options.Format.table:
             for name, text, _ in found:
                 print(f"{name:14} {text}")
         else:
             show_rows([dict(zip(("name", "value", "status"), row)) for row in found], output)
-    exit_for((status for _, status, _ in tried), by_name=False)
+    options.exit_for((status for _, status, _ in tried), by_name=False)

@@ -17,14 +17,7 @@ from typing import Any, NoReturn
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    CLOSED_OUTPUT,
-    INTERNAL_ERROR,
-    INTERRUPTED,
-    Interrupted,
-    stop,
-)
+from touchstone.reports.cli import options
 
 UsageError: Any = typer.BadParameter.__base__
 """Base class of all usage errors; typer does not export it."""
@@ -38,33 +31,33 @@ def guarded(program: Callable[[], int | None]) -> NoReturn:
     if not sys.warnoptions:  # those of libraries are for programmers; a verdict says what is wrong
         warnings.simplefilter("ignore")
     received = handle_signals()
-    code: int | None = INTERNAL_ERROR
+    code: int | None = options.INTERNAL_ERROR
     kept = "nothing was written"
     try:
         code = program()
         sys.stdout.flush()
     except UsageError as error:
         if type(error).__name__ == "NoArgsIsHelpError":  # it has printed the help
-            sys.exit(BAD_INPUT)
+            sys.exit(options.BAD_INPUT)
         message, context = error.format_message().replace("Value error, ", ""), getattr(error, "ctx", None)
         what = " ".join(message.split())
         command = context.command_path if context else "touchstone"
-        stop(f"{what.rstrip('.')} (see {command} --help)", BAD_INPUT)
-    except Interrupted as error:
-        code, kept = INTERRUPTED, str(error)
+        options.stop(f"{what.rstrip('.')} (see {command} --help)")
+    except options.Interrupted as error:
+        code, kept = options.INTERRUPTED, str(error)
     except SystemExit as end:
         # typer turns a closed pipe into an exit of its own, with the code of a broken limit
         if isinstance(end.__context__, BrokenPipeError):
             _end_output(end.__context__)
         raise
     except (KeyboardInterrupt, typer.Abort):
-        code = INTERRUPTED
+        code = options.INTERRUPTED
     except OSError as error:
         _end_output(error)
     except Exception as error:
         _internal(error)
-    if code == INTERRUPTED:
-        stop(f"interrupted; {kept}", 128 + received[0] if received else INTERRUPTED)
+    if code == options.INTERRUPTED:
+        options.stop(f"interrupted; {kept}", 128 + received[0] if received else options.INTERRUPTED)
     sys.exit(code)
 
 
@@ -106,12 +99,12 @@ def _end_output(error: OSError) -> NoReturn:
         # Discard the remaining output.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if error.errno == errno.EPIPE:
-        sys.exit(CLOSED_OUTPUT)
+        sys.exit(options.CLOSED_OUTPUT)
     with suppress(OSError):  # standard error may be full, too
         print(
             f"touchstone: {error.filename or 'standard output'}: {error.strerror or error}", file=sys.stderr
         )
-    sys.exit(BAD_INPUT)
+    sys.exit(options.BAD_INPUT)
 
 
 def _internal(error: Exception) -> NoReturn:
@@ -127,4 +120,4 @@ def _internal(error: Exception) -> NoReturn:
         what += f" (traceback: {path})"
     with suppress(OSError):
         print(f"touchstone: {what}", file=sys.stderr)
-    sys.exit(INTERNAL_ERROR)
+    sys.exit(options.INTERNAL_ERROR)

@@ -12,33 +12,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from touchstone.reports.cli import options
 from touchstone.reports.cli.challenge import challenge
 from touchstone.reports.cli.cheapest import cheapest, tune
 from touchstone.reports.cli.docs import docs
 from touchstone.reports.cli.doctor import check_engine, doctor
 from touchstone.reports.cli.guard import guarded
 from touchstone.reports.cli.nightly import accept, nightly
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    Format,
-    FormatOption,
-    PrintedOutOption,
-    QuietOption,
-    changes_for,
-    columns_for,
-    effects_for,
-    exit_for,
-    folder_of_now,
-    known,
-    output_to,
-    printed,
-    progress_for,
-    step_for,
-    stop,
-    tell_failures,
-    version,
-    with_settings,
-)
 from touchstone.reports.cli.own_environments import env
 from touchstone.reports.cli.own_environments import install as install_environments
 from touchstone.reports.cli.runs.stored import compare, failings, judge, tolerances, view
@@ -116,17 +96,17 @@ def main() -> None:
 def _refused(word: str) -> int:
     """Exit code for an argument with control characters, which would break the lines of messages."""
     print(f"touchstone: found {word!r}, expected printable characters", file=sys.stderr)
-    return BAD_INPUT
+    return options.BAD_INPUT
 
 
 def _version(wanted: bool) -> None:
     if wanted:
-        print(f"touchstone {version()}")
+        print(f"touchstone {options.version()}")
         raise typer.Exit
 
 
 @app.callback(help=HELP)
-def options(
+def program(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
@@ -137,20 +117,19 @@ def options(
 @app.command()
 def run(
     scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes or files of scenes (default: --tag).")
+        options.Names, typer.Argument(help="Scenes or files of scenes (default: --tag).")
     ] = None,
     tag: Annotated[str, typer.Option(help="Play every scene with this tag.")] = "gallery",
-    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all installed).")] = None,
+    engine: Annotated[options.Names, typer.Option(help="Engines (default: all installed).")] = None,
     profile: Annotated[
-        list[str] | None, typer.Option(help="Profiles (default: balanced, paper, recommended).")
+        options.Names, typer.Option(help="Profiles (default: balanced, paper, recommended).")
     ] = None,
     metric: Annotated[
-        list[str] | None, typer.Option(help="Report these metrics alone; patterns such as 'friction.*'.")
+        options.Names, typer.Option(help="Report these metrics alone; patterns such as 'friction.*'.")
     ] = None,
     dt: Annotated[str | None, typer.Option(help="Native step of every engine, such as 1/240, in s.")] = None,
     change: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="KEY=VALUE or ENGINE.KEY=VALUE (touchstone list settings)."),
+        options.Names, typer.Option("--set", help="KEY=VALUE or ENGINE.KEY=VALUE (touchstone list settings).")
     ] = None,
     effects: Annotated[
         str, typer.Option(help="auto: those that a scene needs; all (without sleeping); or names.")
@@ -174,8 +153,8 @@ def run(
     details: Annotated[
         bool, typer.Option("--details", help="Print the tables of several scenes, not one matrix.")
     ] = False,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Play scenes, of the catalogue or of files (.toml, .json, .py), and show where engines differ."""
     from touchstone.adapters.contract import DRIVES
@@ -190,13 +169,13 @@ def run(
         install_environments(engine or [])
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
     # `paper` has no settings: it plays beside a changed `balanced` only where it is named
-    columns = request.columns if profile else with_settings(request.columns, change or [])
+    columns = request.columns if profile else options.with_settings(request.columns, change or [])
     request = replace(
         request,
         columns=columns,
-        changes=changes_for(columns, change or []),
-        effects=effects_for(effects),
-        drive=known("drive", drive, DRIVES),
+        changes=options.changes_for(columns, change or []),
+        effects=options.effects_for(effects),
+        drive=options.known("drive", drive, DRIVES),
         tracker=tracker,
         limits=limits_for(limits, scenarios),
     )
@@ -204,22 +183,20 @@ def run(
         print(line, file=sys.stderr)
     broken: list[BaseException] = []
     in_full = details or bool(metric) or len(scenarios) == 1
-    at_once = output is Format.table and not quiet and in_full and len(scenarios) <= SCENES_IN_FULL
-    try:
+    at_once = output is options.Format.table and not quiet and in_full and len(scenarios) <= SCENES_IN_FULL
+    with options.refusing(OutputError, TooLargeError):
         check_memory(request.scenarios, len(request.columns))
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
-        with progress_for(frames, quiet, by_scene=True) as progress:
+        with options.progress_for(frames, quiet, by_scene=True) as progress:
             shown = _show_at_once(progress, broken) if at_once else _ignore
             # heaps end by their budget
             bounded = yes or all("heap" in one.tags for one in request.scenarios)
             results = run_study(request, progress if bounded else limited(progress, frames), shown)
-    except (OutputError, TooLargeError) as error:
-        stop(str(error), BAD_INPUT)
     if broken:
         raise broken[0]
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
-    if not printed(results.frame, output) and not quiet:
+    if not options.printed(results.frame, output) and not quiet:
         from touchstone.reports.views.first_screen import first_screen
         from touchstone.reports.views.losses import losses_part
         from touchstone.reports.views.published import published_part
@@ -234,10 +211,10 @@ def run(
         print_parts([*parts, published_part(results.frame, request.scenarios)], console())
         print(f"results: {request.out}")
     if quiet:
-        tell_failures(results.frame, bool(engine))
+        options.tell_failures(results.frame, bool(engine))
     for line in results.faults:
         print(line, file=sys.stderr)
-    exit_for(results.frame.verdict, bool(engine), bool(results.faults))
+    options.exit_for(results.frame.verdict, bool(engine), bool(results.faults))
 
 
 def _ignore(frame: pd.DataFrame) -> None:
@@ -276,31 +253,35 @@ def _request(
     """The request for the arguments; a wrong argument exits with one line."""
     from touchstone.reports.runner.request import DEFAULT_PROFILES, Request
 
-    columns = columns_for(engines, profiles, DEFAULT_PROFILES)
-    step = step_for(dt, scenarios) if dt is not None else None
+    columns = options.columns_for(engines, profiles, DEFAULT_PROFILES)
+    step = options.step_for(dt, scenarios) if dt is not None else None
     command = " ".join(["touchstone", *sys.argv[1:]])
-    return Request(tuple(scenarios), columns, out or folder_of_now(), step, metrics_for(metrics), command)
+    return Request(
+        tuple(scenarios), columns, out or options.folder_of_now(), step, metrics_for(metrics), command
+    )
 
 
 def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenario]:
     """The scenes with the requested trackers; an impossible request exits with one line."""
     from touchstone.scenarios.avatar.noisy_tracker import TRACKERS, noisy
 
-    if known("tracker", tracker, TRACKERS) == TRACKERS[0]:
+    if options.known("tracker", tracker, TRACKERS) == TRACKERS[0]:
         return scenarios
     if not any(scenario.trackers for scenario in scenarios):
-        stop(f"--tracker {tracker}: no scene of this run has a tracker", BAD_INPUT)
+        options.stop(f"--tracker {tracker}: no scene of this run has a tracker")
     if drive == "posed":
-        stop(f"--tracker {tracker}: kinematic links would jump; choose --drive native or torque", BAD_INPUT)
+        options.stop(f"--tracker {tracker}: kinematic links would jump; choose --drive native or torque")
     return [noisy(scenario) for scenario in scenarios]
 
 
 @app.command("list")
-def list_things(what: Listing, out: PrintedOutOption = None, output: FormatOption = Format.table) -> None:
+def list_things(
+    what: Listing, out: options.PrintedOutOption = None, output: options.FormatOption = options.Format.table
+) -> None:
     """List scenarios, engines, metrics, profiles, settings of every engine, or known failings."""
     from touchstone.reports.docs.listing import LISTS, show_rows
 
-    with output_to(out):
+    with options.output_to(out):
         show_rows(LISTS[what](), output)
 
 
@@ -318,20 +299,20 @@ def show(
         Path | None, typer.Option(help="With --model-card, compare the scene with the robot's file.")
     ] = None,
     allow_paths: AllowPathsOption = False,
-    out: PrintedOutOption = None,
-    output: FormatOption = Format.table,
+    out: options.PrintedOutOption = None,
+    output: options.FormatOption = options.Format.table,
 ) -> None:
     """Show what a scenario is made of."""
     if file is not None and not model_card:
-        stop("--file is compared by --model-card; name both", BAD_INPUT)
+        options.stop("--file is compared by --model-card; name both")
     if cost and not effects:
-        stop("--cost is a column of --effects; name both", BAD_INPUT)
+        options.stop("--cost is a column of --effects; name both")
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     for line in scene_notes([chosen]):
         print(line, file=sys.stderr)
     if others:
-        stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one", BAD_INPUT)
-    with output_to(out):
+        options.stop(f"{scenario}: {1 + len(others)} scenes; import the file and choose one")
+    with options.output_to(out):
         if effects:
             from touchstone.reports.docs.listing import effect_rows, show_rows
 
@@ -340,7 +321,7 @@ def show(
             _show(chosen, model_card, file, output)
 
 
-def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format) -> None:
+def _show(chosen: Scenario, model_card: bool, file: Path | None, output: options.Format) -> None:
     from touchstone.reports.docs.listing import joint_rows, loop_line, show_rows, surface_lines, truth_lines
     from touchstone.scenarios.scenario import UNMOVED
 
@@ -348,12 +329,10 @@ def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format)
         from touchstone.adapters.robots.robot_error import RobotError
         from touchstone.reports.views.model_card import NotDriven, card_rows
 
-        try:
+        with options.refusing(NotDriven, RobotError):
             show_rows(card_rows(chosen, file), output)
-        except (NotDriven, RobotError) as error:
-            stop(str(error), BAD_INPUT)
         return
-    if output is Format.json:
+    if output is options.Format.json:
         from touchstone.scenarios.files.write import scene_json
 
         print(scene_json(chosen), end="")
@@ -368,7 +347,7 @@ def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format)
         }
         for body in chosen.bodies
     ]
-    if output is Format.table:
+    if output is options.Format.table:
         print(f"{chosen.name}: {chosen.summary}")
         declared = ", ".join(chosen.effects)
         print(f"{chosen.duration:g} s at {chosen.frame_rate} frames per second, effects {declared}")
@@ -377,7 +356,7 @@ def _show(chosen: Scenario, model_card: bool, file: Path | None, output: Format)
         for line in (*surface_lines(chosen), *truth_lines(chosen)):
             print(line)
     show_rows(rows, output)
-    if chosen.body_joints and output is Format.table:
+    if chosen.body_joints and output is options.Format.table:
         print()
         show_rows(joint_rows(chosen), output)
         if line := loop_line(chosen):

@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    INTERNAL_ERROR,
-    LIMIT_BROKEN,
-    Interrupted,
-    QuietOption,
-    exit_for,
-    known,
-    progress_for,
-    require_judge,
-    stop,
-    tell_failures,
-)
+from touchstone.reports.cli import options
 
 if TYPE_CHECKING:
     from touchstone.reports.nightly.night import NightResults
@@ -33,7 +21,7 @@ StoreOption = Annotated[str, typer.Option(help="Folder of nights, or a URL that 
 def nightly(
     store: StoreOption = "nights",
     quick: Annotated[bool, typer.Option("--quick", help="The gallery and a few probes.")] = False,
-    quiet: QuietOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Measure all scenes, store the night, and compare it with the accepted night and with those before."""
     from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes, working_folder
@@ -42,11 +30,11 @@ def nightly(
 
     columns = columns_of(_engines(), QUICK_PROFILES if quick else DEFAULT_PROFILES)
     settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}
-    require_judge()
+    options.require_judge()
     try:
         with Store(store).opened() as opened, working_folder(settings) as work:
             chosen = scenes(quick)
-            with progress_for(
+            with options.progress_for(
                 sum(s.frame_count for s in chosen) * len(columns), quiet, by_scene=True
             ) as progress:
                 measured = measure(chosen, columns, work, progress, opened.nights())
@@ -55,25 +43,25 @@ def nightly(
             shutil.rmtree(work[0], ignore_errors=True)
             findings, sentence, page = _publish(opened, [*before, night], night, measured)
     except KeyboardInterrupt:
-        raise Interrupted("finished scenes are kept, the same command goes on") from None
+        raise options.Interrupted("finished scenes are kept, the same command goes on") from None
     except StoreError as error:
-        stop(str(error), BAD_INPUT)
+        options.stop(str(error))
     except OSError as error:
-        stop(f"{store}: {error.strerror or error}; finished scenes are kept, run again", BAD_INPUT)
+        options.stop(f"{store}: {error.strerror or error}; finished scenes are kept, run again")
     if measured.continued and not quiet:
         print(f"continued a night: {measured.continued} scenes were measured before", file=sys.stderr)
     lines = [one.line for one in findings if one.kind in ("regression", "warning")]
     for line in [*lines, *opened.notes, *measured.faults]:
         print(line, file=sys.stderr)
-    tell_failures(measured.frame)
+    options.tell_failures(measured.frame)
     if not quiet:
         print(sentence)
         print(f"page: {page}")
     if any(one.kind == "regression" for one in findings):
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)
     if measured.faults:
-        raise typer.Exit(INTERNAL_ERROR)
-    exit_for(measured.frame.verdict, by_name=False)
+        raise typer.Exit(options.INTERNAL_ERROR)
+    options.exit_for(measured.frame.verdict, by_name=False)
 
 
 def _engines() -> list[str]:
@@ -109,10 +97,7 @@ def _publish(
         "badge.json": lambda: outputs.write_badge(folder, level),
         "report.html": lambda: outputs.write_page(
             *(folder, measured, level, sentence, findings),
-            (
-                outputs.history_charts(history, known_nights),
-                outputs.history_table(history, known_nights),
-            ),
+            (outputs.history_charts(history, known_nights), outputs.history_table(history, known_nights)),
         ),
         "report.md": lambda: outputs.write_markdown(
             folder, outputs.markdown(sentence, findings, [*store.notes, *measured.faults])
@@ -149,16 +134,13 @@ def accept(
     from touchstone.reports.nightly.store import MARK, Store, StoreError
 
     if not reason.strip():
-        stop("--reason: say why the figures of this night are right", BAD_INPUT)
+        options.stop("--reason: say why the figures of this night are right")
     if "://" not in store and not (Path(store) / MARK).exists():
-        stop(f"--store {store}: no store of nights here", BAD_INPUT)
-    try:
-        with Store(store).opened() as opened:
-            nights = {night.run: night for night in opened.nights()}
-            if not nights:
-                stop(f"--store {store}: holds no night yet", BAD_INPUT)
-            name = list(nights)[-1] if run == "last" else known("night", run, nights)
-            opened.accept(nights[name], reason)
-    except StoreError as error:
-        stop(str(error), BAD_INPUT)
+        options.stop(f"--store {store}: no store of nights here")
+    with options.refusing(StoreError), Store(store).opened() as opened:
+        nights = {night.run: night for night in opened.nights()}
+        if not nights:
+            options.stop(f"--store {store}: holds no night yet")
+        name = list(nights)[-1] if run == "last" else options.known("night", run, nights)
+        opened.accept(nights[name], reason)
     print(f"accepted {name}: {reason}")

@@ -42,6 +42,14 @@ QuietOption = Annotated[
     bool, typer.Option("--quiet", help="No progress and no table; failures are still printed.")
 ]
 
+Names = list[str] | None
+"""Type of an option or argument that takes names; none are the default that its help states."""
+EngineOption = Annotated[Names, typer.Option(help="Engines (default: all).")]
+JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")]
+DaskOption = Annotated[str, typer.Option(help="Play on this Dask scheduler (tcp://host:8786), or local.")]
+STORE = Path("runs/sweep")
+StoreOption = Annotated[Path, typer.Option(help="Folder of all cells; what it holds is not measured again.")]
+
 _any_time: ContextVar[bool] = ContextVar("any_time", default=True)
 """Whether what this command measures may take any time."""
 
@@ -60,16 +68,25 @@ PrintedOutOption = Annotated[
 ]
 
 
-def stop(message: str, code: int) -> NoReturn:
+def stop(message: str, code: int = BAD_INPUT) -> NoReturn:
     """Exit with one line on standard error."""
     print(f"touchstone: {message}", file=sys.stderr)
     sys.exit(code)
 
 
+@contextmanager
+def refusing(*refusals: type[Exception]) -> Iterator[None]:
+    """Exceptions that say what is wrong with the input exit with their one line."""
+    try:
+        yield
+    except refusals as error:
+        stop(str(error))
+
+
 def require_new(path: Path, option: str = "--out") -> None:
     """Exit with one line if a file that is to be written exists."""
     if path.exists():
-        stop(f"{option} {path}: exists", BAD_INPUT)
+        stop(f"{option} {path}: exists")
 
 
 def write_file(path: Path, write: Callable[[Path], object], option: str = "--out") -> None:
@@ -79,7 +96,7 @@ def write_file(path: Path, write: Callable[[Path], object], option: str = "--out
     try:
         write_beside(path, write)
     except OSError as error:
-        stop(f"{option} {path}: {error.strerror or error}", BAD_INPUT)
+        stop(f"{option} {path}: {error.strerror or error}")
 
 
 @contextmanager
@@ -100,10 +117,9 @@ def output_to(path: Path | None) -> Iterator[None]:
 
 def known(kind: str, name: str, valid: Iterable[str]) -> str:
     """The name, if valid; else exit 2 with one line of the nearest valid names."""
-    try:
-        return checked(kind, name, valid)
-    except ValueError as error:
-        stop(str(error), BAD_INPUT)
+    with refusing(ValueError):
+        checked(kind, name, valid)
+    return name
 
 
 def columns_for(
@@ -126,7 +142,7 @@ def columns_for(
         lacking = (name for name in names if name not in dict(columns))
         columns += tuple((name, next(iter(ENGINES[name].profiles))) for name in lacking)
     if not columns:
-        stop(f"no engine of {', '.join(names)} has the profile {', '.join(wanted)}", BAD_INPUT)
+        stop(f"no engine of {', '.join(names)} has the profile {', '.join(wanted)}")
     return columns
 
 
@@ -139,10 +155,8 @@ def engines_named(names: Iterable[str]) -> list[str]:
     for name in dict.fromkeys(names):
         if ":" not in name:
             known("engine", name, available())
-        try:
+        with refusing(AdapterError):
             found.append(registered(name))
-        except AdapterError as error:
-            stop(str(error), BAD_INPUT)
     return list(dict.fromkeys(found))
 
 
@@ -179,7 +193,7 @@ def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tu
         for engine, profile in columns if texts else ():
             changes_of(engine, profile, texts)
     except SettingError as error:
-        stop(f"--set {error}; ENGINE.KEY=VALUE sets that of one engine", BAD_INPUT)
+        stop(f"--set {error}; ENGINE.KEY=VALUE sets that of one engine")
     return texts
 
 
@@ -192,7 +206,7 @@ def step_for(text: str, scenarios: Iterable[Scenario]) -> float:
         for scenario in scenarios:
             substeps(scenario, value)
     except (ValueError, ZeroDivisionError, OverflowError) as error:
-        stop(f"--dt {' '.join(text.split())}: {error}", BAD_INPUT)
+        stop(f"--dt {' '.join(text.split())}: {error}")
     return value
 
 
@@ -326,12 +340,8 @@ def measuring(total: int, quiet: bool, *refusals: type[Exception]) -> Iterator[P
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.runner.request import STUDY_LONGEST, TooLargeError, limited
 
-    refused: tuple[type[Exception], ...] = (OutputError, TooLargeError, *refusals)
-    try:
-        with progress_for(total, quiet) as progress:
-            yield progress if _any_time.get() else limited(progress, total, STUDY_LONGEST, "steps")
-    except refused as error:
-        stop(str(error), BAD_INPUT)
+    with refusing(OutputError, TooLargeError, *refusals), progress_for(total, quiet) as progress:
+        yield progress if _any_time.get() else limited(progress, total, STUDY_LONGEST, "steps")
 
 
 def ended(

@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    ENGINE_MISSING,
-    Format,
-    FormatOption,
-    PrintedOutOption,
-    engines_named,
-    known,
-    output_to,
-    stop,
-)
+from touchstone.reports.cli import options
 
 if TYPE_CHECKING:
     from touchstone.adapters.workers.own_environment import OwnEnvironment
@@ -35,11 +26,13 @@ def add(name: Engine) -> None:
 
 
 @env.command("list")
-def list_environments(out: PrintedOutOption = None, output: FormatOption = Format.table) -> None:
+def list_environments(
+    out: options.PrintedOutOption = None, output: options.FormatOption = options.Format.table
+) -> None:
     """List environments: whether they are added and whole, their sizes and folders."""
     from touchstone.reports.docs.listing import show_rows
 
-    with output_to(out):
+    with options.output_to(out):
         show_rows([row_of(one) for one in environments()], output)
 
 
@@ -51,7 +44,7 @@ def remove(name: Engine) -> None:
     try:
         gone = _named(name).remove()
     except OwnEnvironmentError as error:
-        stop(str(error), ENGINE_MISSING)
+        options.stop(str(error), options.ENGINE_MISSING)
     print("\n".join(f"removed: {place}" for place in gone) or f"{name}: no environment")
 
 
@@ -86,7 +79,7 @@ def added(wanted: Iterable[OwnEnvironment]) -> None:
             start = perf_counter()
             one.add()
         except OwnEnvironmentError as error:
-            stop(str(error), ENGINE_MISSING)
+            options.stop(str(error), options.ENGINE_MISSING)
         seconds, size = perf_counter() - start, one.size() / MEGABYTE
         print(f"{one.engine}: {one.folder}, {size:.0f} MB, added in {seconds:.0f} s")
 
@@ -95,10 +88,10 @@ def install(engines: Iterable[str]) -> None:
     """Add the environments that named engines need (`--install`)."""
     from touchstone.adapters.registry import own_environment
 
-    added(one for one in map(own_environment, engines_named(engines)) if one is not None)
+    added(one for one in map(own_environment, options.engines_named(engines)) if one is not None)
 
 
 def _named(name: str) -> OwnEnvironment:
     """Environment of an engine; an unknown name exits with one line."""
     found = {one.engine: one for one in environments()}
-    return found[known("environment", name, found)]
+    return found[options.known("environment", name, found)]

@@ -13,22 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    Format,
-    FormatOption,
-    QuietOption,
-    YesOption,
-    columns_for,
-    ended,
-    engines_named,
-    folder_of_now,
-    known,
-    measuring,
-    require_judge,
-    resumable,
-    stop,
-)
+from touchstone.reports.cli import options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,10 +25,6 @@ if TYPE_CHECKING:
 
 MOST = 10_000_000
 """Largest number of scenes, pairs or goals of a study [1]: days."""
-STORE = Path("runs/sweep")
-EngineOption = Annotated[list[str] | None, typer.Option(help="Engines (default: all).")]
-JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")]
-StoreOption = Annotated[Path, typer.Option(help="Folder of all cells; what it holds is skipped.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,25 +59,26 @@ def studied(
     """
 
     def register(asked_for: Callable[..., StudyRequest]) -> Callable[..., StudyRequest]:
-        def command(out: Path | None, output: Format, yes: bool, quiet: bool, **own: Any) -> None:
+        def command(out: Path | None, output: options.Format, yes: bool, quiet: bool, **own: Any) -> None:
             from touchstone.reports.runner.store import StoreError
             from touchstone.reports.studies.study import RefusedError
 
-            folder = out or folder_of_now(f"{name}-")
-            try:
+            folder = out or options.folder_of_now(f"{name}-")
+            with options.refusing(RefusedError):
                 asked = asked_for(**own)
-            except RefusedError as error:
-                stop(str(error), BAD_INPUT)
             if judge:
-                require_judge()
-            kept = nullcontext() if asked.store is None else resumable(asked.store)
-            with kept, measuring(asked.steps, quiet, RefusedError, StoreError) as progress:
+                options.require_judge()
+            kept = nullcontext() if asked.store is None else options.resumable(asked.store)
+            with kept, options.measuring(asked.steps, quiet, RefusedError, StoreError) as progress:
                 frame = asked.run(folder, progress)
-            ended(frame, asked.report, folder, output, quiet, by_name=bool(own.get("engine")))
+            options.ended(frame, asked.report, folder, output, quiet, by_name=bool(own.get("engine")))
 
         out = Annotated[Path | None, typer.Option(help=f"Folder (default: runs/{name}-<time>).")]
-        shared: dict[str, tuple[Any, Any]] = {"out": (out, None), "output": (FormatOption, Format.table)}
-        shared |= {"yes": (YesOption, False), "quiet": (QuietOption, False)}
+        shared: dict[str, tuple[Any, Any]] = {
+            "out": (out, None),
+            "output": (options.FormatOption, options.Format.table),
+        }
+        shared |= {"yes": (options.YesOption, False), "quiet": (options.QuietOption, False)}
         hints = get_type_hints(asked_for, include_extras=True)
         parameters = [
             one.replace(annotation=hints[one.name]) for one in signature(asked_for).parameters.values()
@@ -119,7 +101,7 @@ def scenes_named(names: Iterable[str]) -> list[Scenario]:
     """Scenes of the catalogue, each once; a wrong name exits with one line."""
     from touchstone.scenarios.catalogue import catalogue
 
-    return [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(names)]
+    return [catalogue()[options.known("scenario", name, catalogue())] for name in dict.fromkeys(names)]
 
 
 @studied("narrow-phase")
@@ -138,7 +120,7 @@ def narrow_phase(
         run = partial(module.run_given, given)
         return StudyRequest(len(given) * len(DETECTORS), run, module.report)
     if (count := int(pairs)) > MOST:
-        stop(f"--pairs {pairs}: expected at most {MOST}", BAD_INPUT)
+        options.stop(f"--pairs {pairs}: expected at most {MOST}")
     return StudyRequest(count * len(DETECTORS), partial(module.run, count, seed), module.report)
 
 
@@ -148,11 +130,10 @@ def _pairs_of(path: Path) -> list[GivenPair]:
     from touchstone.scenarios.files.read import SceneFileError
 
     if path.suffix not in (".json", ".toml"):
-        stop(f"--pairs {path}: expected a number of pairs, or a file .json or .toml", BAD_INPUT)
-    try:
-        return list(read_pairs(path))
-    except SceneFileError as error:
-        stop(str(error), BAD_INPUT)
+        options.stop(f"--pairs {path}: expected a number of pairs, or a file .json or .toml")
+    with options.refusing(SceneFileError):
+        found = list(read_pairs(path))
+    return found
 
 
 @studied("ik")
@@ -168,54 +149,40 @@ def inverse_kinematics(
 
 @studied("calibration")
 def calibration(
-    engine: EngineOption = None,
-    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: all).")] = None,
+    engine: options.EngineOption = None,
+    profile: Annotated[options.Names, typer.Option(help="Profiles (default: all).")] = None,
 ) -> StudyRequest:
     """Measure the restitution and friction that engines achieve, beside what they were asked for."""
     from touchstone.reports.studies.calibration import study as module
 
-    columns = columns_for(engine or [], profile or [])
+    columns = options.columns_for(engine or [], profile or [])
     return StudyRequest(
         len(module.tasks(columns, module.Requested())), partial(module.run, columns), module.report
     )
 
 
-@studied("agreement", judge=True)
-def agreement(
-    scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes (default: one or two per family, and push_box).")
-    ] = None,
-) -> StudyRequest:
-    """Play scenes at ever smaller steps: errors of step and of model, the outlier, bands without a truth."""
-    from touchstone.reports.studies import agreement as module
-
-    chosen = scenes_named(scenario or module.SCENES)
-    return StudyRequest(module.steps(chosen), partial(module.run, chosen), module.report)
-
-
 @studied("convergence")
 def convergence(
     scenario: Annotated[
-        list[str] | None,
-        typer.Argument(help="Scenes with a truth (default: the curved and thirteen others)."),
+        options.Names, typer.Argument(help="Scenes with a truth (default: the curved and thirteen others).")
     ] = None,
-    engine: EngineOption = None,
-    jobs: JobsOption = None,
-    store: StoreOption = STORE,
+    engine: options.EngineOption = None,
+    jobs: options.JobsOption = None,
+    store: options.StoreOption = options.STORE,
 ) -> StudyRequest:
     """Play scenes with a truth at seven steps: order of convergence and floor of every engine."""
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies.convergence import study as module
 
     names = [scene.name for scene in scenes_named(scenario or module.scenes())]
-    cells = module.cells(names, engines_named(engine or ENGINES))
+    cells = module.cells(names, options.engines_named(engine or ENGINES))
     return StudyRequest(len(cells), partial(module.run, cells, store, jobs=jobs), module.report, store)
 
 
 @studied("ablation", judge=True)
 def ablation(
     name: Annotated[
-        list[str] | None, typer.Argument(help="Texts in names of constants and mechanisms (default: all).")
+        options.Names, typer.Argument(help="Texts in names of constants and mechanisms (default: all).")
     ] = None,
     profile: Annotated[str, typer.Option(help="Profile of the reference.")] = "balanced",
     scenes: Annotated[int, typer.Option(min=0, max=MOST, help="Random scenes, from seed 0 on.")] = 16,
@@ -224,7 +191,7 @@ def ablation(
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies import ablation as module
 
-    profile = known("profile", profile, ENGINES["reference"].profiles)
+    profile = options.known("profile", profile, ENGINES["reference"].profiles)
     asked = module.variations(name or (), profile, scenes)
     return StudyRequest(len(asked), partial(module.run, asked), module.report)
 
@@ -232,21 +199,24 @@ def ablation(
 @studied("effects")
 def effects(
     scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes (default: the gallery and the probes).")
+        options.Names, typer.Argument(help="Scenes (default: the gallery and the probes).")
     ] = None,
-    engine: EngineOption = None,
+    engine: options.EngineOption = None,
 ) -> StudyRequest:
     """Play scenes with their plan and with all effects, and toggle each: time saved, outcome changed."""
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies import effects as module
 
-    chosen, engines = scenes_named(scenario or ()) or module.scenes(), engines_named(engine or ENGINES)
+    chosen, engines = (
+        scenes_named(scenario or ()) or module.scenes(),
+        options.engines_named(engine or ENGINES),
+    )
     return StudyRequest(len(chosen) * len(engines), partial(module.run, chosen, engines), module.report)
 
 
 @studied("predictability", judge=True)
 def predictability(
-    scenario: Annotated[list[str] | None, typer.Argument(help="Scenes (default: five of all kinds).")] = None,
+    scenario: Annotated[options.Names, typer.Argument(help="Scenes (default: five of all kinds).")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the random directions.")] = 0,
 ) -> StudyRequest:
     """Perturb the start of scenes: by how much engines amplify it, beside the closed form."""
@@ -262,15 +232,15 @@ def robustness(
     seed: Annotated[int, typer.Option(min=0, help="Of the first scene.")] = 0,
     kind: Annotated[str, typer.Option(help="Kind of all scenes (default: each as its seed says).")] = "",
     perturbation: Annotated[float, typer.Option(min=0, max=1, help="Move bodies by so many metres.")] = 0.0,
-    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: reference).")] = None,
-    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
+    engine: Annotated[options.Names, typer.Option(help="Engines (default: reference).")] = None,
+    profile: Annotated[options.Names, typer.Option(help="Profiles (default: the usual ones).")] = None,
 ) -> StudyRequest:
     """Play random scenes: energy, overlap, residual and time against limits, the worst ones listed."""
     from touchstone.reports.studies import robustness as module
     from touchstone.scenarios.random_scenes import ALL_KINDS
 
-    columns = columns_for(engine or ["reference"], profile or [], module.PROFILES)
-    chosen = known("kind", kind, ALL_KINDS) if kind else None
+    columns = options.columns_for(engine or ["reference"], profile or [], module.PROFILES)
+    chosen = options.known("kind", kind, ALL_KINDS) if kind else None
     asked = module.tasks(columns, scenes, seed, chosen, perturbation)
     return StudyRequest(len(asked), partial(module.run, columns, asked), module.report)
 
@@ -288,12 +258,12 @@ def paper(
 @studied("work-precision", judge=True)
 def work_precision(
     scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes (default: the gallery, six probes and two mechanisms).")
+        options.Names, typer.Argument(help="Scenes (default: the gallery, six probes and two mechanisms).")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Five scenes, three steps, two rounds.")] = False,
-    engine: EngineOption = None,
-    jobs: JobsOption = None,
-    store: StoreOption = STORE,
+    engine: options.EngineOption = None,
+    jobs: options.JobsOption = None,
+    store: options.StoreOption = options.STORE,
 ) -> StudyRequest:
     """Measure error over wall time of every engine and setting: what accuracy costs."""
     from touchstone.adapters.registry import ENGINES
@@ -301,21 +271,25 @@ def work_precision(
     from touchstone.reports.studies.work_precision.definitions import scenes
 
     names = [scene.name for scene in scenes_named(scenario or scenes(quick))]
-    engines = engines_named(engine or ENGINES)
+    engines = options.engines_named(engine or ENGINES)
     cells = module.StudyCells(names, engines, quick)
     return StudyRequest(cells.size, partial(module.run, cells, store, jobs=jobs), module.report, store)
 
 
 @studied("knobs", judge=True)
-def knobs(engine: EngineOption = None, jobs: JobsOption = None, store: StoreOption = STORE) -> StudyRequest:
+def knobs(
+    engine: options.EngineOption = None,
+    jobs: options.JobsOption = None,
+    store: options.StoreOption = options.STORE,
+) -> StudyRequest:
     """Change each setting of an engine alone: what it does to impacts, sliding, rolling and rest."""
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies import knobs as module
 
     if "reference" in (engine or ()):
         text = "study knobs: varies other engines; the reference's settings: touchstone study ablation"
-        stop(text, BAD_INPUT)
-    engines = [name for name in engines_named(engine or ENGINES) if name != "reference"]
+        options.stop(text)
+    engines = [name for name in options.engines_named(engine or ENGINES) if name != "reference"]
     steps = sum(len(module.cells_of(name)) for name in engines)
     return StudyRequest(steps, partial(module.run, engines, store, jobs=jobs), module.report, store)
 
@@ -323,10 +297,10 @@ def knobs(engine: EngineOption = None, jobs: JobsOption = None, store: StoreOpti
 @studied("stability", judge=True)
 def stability(
     family: Annotated[
-        list[str] | None, typer.Argument(help="Families of hard scenes (default: all).", show_default=False)
+        options.Names, typer.Argument(help="Families of hard scenes (default: all).", show_default=False)
     ] = None,
-    engine: EngineOption = None,
-    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: the usual ones).")] = None,
+    engine: options.EngineOption = None,
+    profile: Annotated[options.Names, typer.Option(help="Profiles (default: the usual ones).")] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="Three levels each, at the profiles' own steps.")
     ] = False,
@@ -338,15 +312,15 @@ def stability(
     store: Annotated[Path, typer.Option(help="Store of measured cells, which are not played again.")] = Path(
         "runs/stability"
     ),
-    jobs: JobsOption = None,
+    jobs: options.JobsOption = None,
 ) -> StudyRequest:
     """Play hard scenes at growing difficulty and step: how far each engine goes, and how it fails."""
     from touchstone.reports.studies.stability import play
     from touchstone.reports.studies.stability import study as module
     from touchstone.scenarios.difficulty.family import families
 
-    names = [known("family", name, families()) for name in family or ()]
-    columns = columns_for(engine or [], profile or [], play.QUICK if quick else play.PROFILES)
+    names = [options.known("family", name, families()) for name in family or ()]
+    columns = options.columns_for(engine or [], profile or [], play.QUICK if quick else play.PROFILES)
     scope = play.Scope(columns, play.chosen(names), quick)
     run = partial(module.run, scope, store, jobs=jobs, sheet=sheet, seed=seed)
     return StudyRequest(len(scope.cells()) + sheet, run, module.report, store)
@@ -355,12 +329,10 @@ def stability(
 @studied("relations")
 def relations(
     scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes (default: the smaller probes).", show_default=False)
+        options.Names, typer.Argument(help="Scenes (default: the smaller probes).", show_default=False)
     ] = None,
-    engine: EngineOption = None,
-    profile: Annotated[
-        list[str] | None, typer.Option(help="Profiles (default: balanced, recommended).")
-    ] = None,
+    engine: options.EngineOption = None,
+    profile: Annotated[options.Names, typer.Option(help="Profiles (default: balanced, recommended).")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Six scenes.")] = False,
 ) -> StudyRequest:
     """Turn, mirror, move, scale and split scenes: does the motion change accordingly, and not otherwise?"""
@@ -368,9 +340,9 @@ def relations(
     from touchstone.scenarios.catalogue import all_names, catalogue, find
 
     valid, names = all_names(), dict.fromkeys(scenario or (module.QUICK if quick else ()))
-    scenes = [find(name if name in valid else known("scenario", name, catalogue())) for name in names]
+    scenes = [find(name if name in valid else options.known("scenario", name, catalogue())) for name in names]
     scenes = scenes or module.default_scenes()
-    columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    columns = options.columns_for(engine or [], profile or [], ("balanced", "recommended"))
     return StudyRequest(
         len(module.tasks(columns, scenes)), partial(module.run, columns, scenes), module.report
     )
@@ -378,16 +350,16 @@ def relations(
 
 @studied("gradients")
 def gradients(
-    engine: EngineOption = None,
+    engine: options.EngineOption = None,
     profile: Annotated[
-        list[str] | None,
+        options.Names,
         typer.Option(help="Profiles (default: balanced, recommended, the reference's accurate)."),
     ] = None,
 ) -> StudyRequest:
     """Take derivatives of end states by central differences, and compare them with closed forms."""
     from touchstone.reports.studies import gradients as module
 
-    columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    columns = options.columns_for(engine or [], profile or [], ("balanced", "recommended"))
     if not profile and module.JUDGED[0] in dict(columns):
         columns = (columns[0], module.JUDGED[:2], *columns[1:])
     return StudyRequest(len(module.tasks(columns)), partial(module.run, columns), module.report)
@@ -397,16 +369,14 @@ def gradients(
 def tosses(
     folder: Annotated[Path, typer.Argument(help="Folder of tosses.npz, or of a CSV file per toss.")],
     most: Annotated[int, typer.Option("--tosses", min=2, help="Play at most so many, evenly chosen.")] = 100,
-    engine: EngineOption = None,
-    profile: Annotated[
-        list[str] | None, typer.Option(help="Profiles (default: balanced, recommended).")
-    ] = None,
+    engine: options.EngineOption = None,
+    profile: Annotated[options.Names, typer.Option(help="Profiles (default: balanced, recommended).")] = None,
 ) -> StudyRequest:
     """Play measured tosses of a box from their start: errors over time, identified e and mu, the floor."""
     from touchstone.reports.studies.tosses import study as module
     from touchstone.reports.studies.tosses.measured import read
 
-    columns = columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    columns = options.columns_for(engine or [], profile or [], ("balanced", "recommended"))
     box, found = read(folder)
     chosen = [found[k * len(found) // min(most, len(found))] for k in range(min(most, len(found)))]
     run = partial(module.run, columns, box, chosen)
@@ -416,29 +386,29 @@ def tosses(
 def bench(
     name: Annotated[str, typer.Argument(help="geometry, frame or scaling.")],
     scenario: Annotated[
-        list[str] | None,
+        options.Names,
         typer.Argument(help="Scenes of `frame` (default: gallery, slide, stack, balls_box, dominoes)."),
     ] = None,
     restarts: Annotated[int, typer.Option(min=1, help="Starts of every engine in `frame`.")] = 5,
     seed: Annotated[int, typer.Option(min=0, help="Of the order of engines, scenes and columns.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Folder (default: runs/bench-<name>-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
+    output: options.FormatOption = options.Format.table,
+    yes: options.YesOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Measure what the reference costs, over others in the same run: depth, frames, growth with size."""
     from touchstone.reports.bench import BENCHES, load
     from touchstone.reports.bench import frame as bench_frame
 
-    chosen = load(known("bench", name, BENCHES))
-    folder = out or folder_of_now(f"bench-{name}-")
+    chosen = load(options.known("bench", name, BENCHES))
+    folder = out or options.folder_of_now(f"bench-{name}-")
     if name != "frame":
         if scenario:
-            stop(f"bench {name}: takes no scenes, found {scenario[0]!r}", BAD_INPUT)
-        with measuring(chosen.steps(), quiet) as progress:
+            options.stop(f"bench {name}: takes no scenes, found {scenario[0]!r}")
+        with options.measuring(chosen.steps(), quiet) as progress:
             found = chosen.run(folder, progress)
     else:
         played = scenes_named(scenario or ()) or bench_frame.scenes()
-        with measuring(bench_frame.steps(played, restarts), quiet) as progress:
+        with options.measuring(bench_frame.steps(played, restarts), quiet) as progress:
             found = bench_frame.run(folder, progress, played, restarts, seed)
-    ended(found, chosen.report, folder, output, quiet)
+    options.ended(found, chosen.report, folder, output, quiet)

@@ -10,45 +10,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    LIMIT_BROKEN,
-    Format,
-    FormatOption,
-    QuietOption,
-    YesOption,
-    columns_for,
-    exit_for,
-    folder_of_now,
-    known,
-    measuring,
-    printed,
-    require_judge,
-    require_new,
-    resumable,
-    step_of,
-    stop,
-    tell_failures,
-    write_file,
-)
+from touchstone.reports.cli import options
 
 if TYPE_CHECKING:
     from touchstone.scenarios.scenario import Scenario
 
 
-DEFAULT_STORE = Path("runs/sweep")
-
-
 def sweep(
-    scenario: Annotated[list[str] | None, typer.Argument(help="Scenes (default: --tag).")] = None,
+    scenario: Annotated[options.Names, typer.Argument(help="Scenes (default: --tag).")] = None,
     tag: Annotated[str, typer.Option(help="Every scene with this tag.")] = "gallery",
-    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
+    engine: options.EngineOption = None,
     profile: Annotated[
-        list[str] | None, typer.Option(help="Profiles (default: balanced, recommended, equal-step).")
+        options.Names, typer.Option(help="Profiles (default: balanced, recommended, equal-step).")
     ] = None,
     dt: Annotated[str, typer.Option(help="Native steps [s], such as 1/60,1/240,1/960.")] = "",
     change: Annotated[
-        list[str] | None,
+        options.Names,
         typer.Option("--set", help="KEY=VALUE[,VALUE...] or ENGINE.KEY=... (touchstone list settings)."),
     ] = None,
     seed: Annotated[
@@ -58,16 +35,16 @@ def sweep(
         bool, typer.Option(help="Time each cell too, alone on one core, in --repeats rounds.")
     ] = False,
     repeats: Annotated[int, typer.Option(min=1, help="How often each cell is measured.")] = 1,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")] = None,
-    dask: Annotated[str, typer.Option(help="Play on this Dask scheduler (tcp://host:8786), or local.")] = "",
+    jobs: options.JobsOption = None,
+    dask: options.DaskOption = "",
     slurm_script: Annotated[
         Path | None, typer.Option(help="Write an array job for Slurm here, and play nothing.")
     ] = None,
     part: Annotated[str, typer.Option(help="Play every N-th cell from the K-th on: K/N.")] = "",
-    out: Annotated[Path, typer.Option(help="Folder of the store; what it holds is skipped.")] = DEFAULT_STORE,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
+    out: Annotated[Path, typer.Option(help="Folder of the store; what it holds is skipped.")] = options.STORE,
+    output: options.FormatOption = options.Format.table,
+    yes: options.YesOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Measure every combination of scene, engine, profile and step, each once."""
     from touchstone.adapters.knobs import SettingError
@@ -79,34 +56,32 @@ def sweep(
     from touchstone.reports.runner.sweep import sweep_timed
 
     if slurm_script is not None:
-        require_new(slurm_script, "--slurm-script")
+        options.require_new(slurm_script, "--slurm-script")
     scenarios = scenes_for(scenario or [], tag)
-    columns = columns_for(engine or [], profile or [], DEFAULT_PROFILES)
+    columns = options.columns_for(engine or [], profile or [], DEFAULT_PROFILES)
     names = [one.name for one in scenarios]
     for option, given in (("--dask", dask), ("--slurm-script", slurm_script), ("--part", part)):
         if timing and given:
-            stop(f"--timing {option}: times are measured on this machine, one cell at a time", BAD_INPUT)
+            options.stop(f"--timing {option}: times are measured on this machine, one cell at a time")
     steps, seeds = steps_for(dt, scenarios), seeds_for(seed)
     once = 1 if timing else repeats
     try:
         cells = grid(names, columns, steps=steps, changes=change or [], seeds=seeds, repeats=once)
     except SettingError as error:
-        stop(f"--set {error}", BAD_INPUT)
+        options.stop(f"--set {error}")
     if slurm_script is not None:
         write_script(slurm_script, out, len(cells), quiet)
         return
-    try:
+    with options.refusing(PartError):
         cells = part_of(cells, part) if part else cells
-    except PartError as error:
-        stop(str(error), BAD_INPUT)
     executor = partial(DaskPool, dask, jobs or os.cpu_count() or 1) if dask else None
     count = len(cells) * (1 + repeats * timing)
-    with resumable(out), measuring(count, quiet, StoreError, ClusterError) as progress:
+    with options.resumable(out), options.measuring(count, quiet, StoreError, ClusterError) as progress:
         if timing:
             frame = sweep_timed(cells, out, repeats, jobs=jobs, progress=progress)
         else:
             frame = run_sweep(cells, out, jobs=jobs, executor=executor, progress=progress)
-    if not printed(frame, output) and not quiet:
+    if not options.printed(frame, output) and not quiet:
         from touchstone.reports.views.render import console, print_parts
         from touchstone.reports.views.sweep_table import report
 
@@ -114,8 +89,8 @@ def sweep(
         print(f"store: {out}")
     runs = frame[frame.metric == "run"]
     if quiet:
-        tell_failures(runs, bool(engine))
-    exit_for(runs.verdict, bool(engine))
+        options.tell_failures(runs, bool(engine))
+    options.exit_for(runs.verdict, bool(engine))
 
 
 def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:
@@ -124,16 +99,16 @@ def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:
 
     arguments = without(sys.argv[2:], "--slurm-script", "--out", "--part", "--jobs")
     text = script([*arguments, "--out", str(out.resolve())], cells)
-    write_file(path, lambda part: part.write_text(text), "--slurm-script")
+    options.write_file(path, lambda part: part.write_text(text), "--slurm-script")
     if not quiet:
         print(f"sbatch {path}")
 
 
-def without(arguments: list[str], *options: str) -> list[str]:
+def without(arguments: list[str], *dropped: str) -> list[str]:
     """Arguments without some options and their values."""
     left, skip = [], False
     for argument in arguments:
-        if skip or argument.partition("=")[0] in options:
+        if skip or argument.partition("=")[0] in dropped:
             skip = not skip and "=" not in argument
             continue
         left.append(argument)
@@ -145,8 +120,8 @@ def scenes_for(names: list[str], tag: str) -> list[Scenario]:
     from touchstone.scenarios.catalogue import catalogue, tagged, tags
 
     if names:
-        return [catalogue()[known("scenario", name, catalogue())] for name in dict.fromkeys(names)]
-    return list(tagged(known("tag", tag, tags())))
+        return [catalogue()[options.known("scenario", name, catalogue())] for name in dict.fromkeys(names)]
+    return list(tagged(options.known("tag", tag, tags())))
 
 
 def seeds_for(text: str) -> list[int]:
@@ -154,26 +129,14 @@ def seeds_for(text: str) -> list[int]:
     found = [part.strip() for part in text.split(",")]
     for part in found:
         if not (part.isascii() and part.isdecimal()):
-            stop(
-                f"--seed {' '.join(text.split())}: found {part!r}, expected numbers such as 0,1,2", BAD_INPUT
-            )
+            options.stop(f"--seed {' '.join(text.split())}: found {part!r}, expected numbers such as 0,1,2")
     return list(dict.fromkeys(map(int, found)))
 
 
 def steps_for(text: str, scenarios: list[Scenario]) -> list[float]:
     """Steps [s] of "1/60,1/240"; each must divide the frame of every scene."""
-    from touchstone.adapters.recorder import substeps
-
-    found = []
-    for part in filter(None, map(str.strip, text.split(","))):
-        try:
-            step = step_of(part)
-            for scenario in scenarios:
-                substeps(scenario, step)
-        except (ValueError, ZeroDivisionError, OverflowError) as error:
-            stop(f"--dt {' '.join(part.split())}: {error}", BAD_INPUT)
-        found.append(step)
-    return list(dict.fromkeys(found))
+    parts = filter(None, map(str.strip, text.split(",")))
+    return list(dict.fromkeys(options.step_for(part, scenarios) for part in parts))
 
 
 MOST_MINUTES = 100_000.0
@@ -188,9 +151,9 @@ def soak(
     kind: Annotated[str, typer.Option(help="Kind of all scenes (default: each as its seed says).")] = "",
     profile: Annotated[str, typer.Option(help="Profile of the reference.")] = "balanced",
     out: Annotated[Path | None, typer.Option(help="Folder of failures (default: runs/soak-<time>).")] = None,
-    output: FormatOption = Format.table,
-    yes: YesOption = False,
-    quiet: QuietOption = False,
+    output: options.FormatOption = options.Format.table,
+    yes: options.YesOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Play random scenes on the reference for as long as asked; shrink each failure to its smallest scene."""
     from touchstone.adapters.registry import ENGINES
@@ -199,20 +162,20 @@ def soak(
     from touchstone.reports.studies.soak import soak as run
     from touchstone.scenarios.random_scenes import ALL_KINDS, random_scene
 
-    known("profile", profile, ENGINES["reference"].profiles)
-    chosen = known("kind", kind, ALL_KINDS) if kind else None
-    folder = out or folder_of_now("soak-")
+    options.known("profile", profile, ENGINES["reference"].profiles)
+    chosen = options.known("kind", kind, ALL_KINDS) if kind else None
+    folder = out or options.folder_of_now("soak-")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        stop(f"--out {folder}: exists and is not an empty folder", BAD_INPUT)
-    require_judge()
-    said = print if output is Format.table else lambda line: print(line, file=sys.stderr)
+        options.stop(f"--out {folder}: exists and is not an empty folder")
+    options.require_judge()
+    said = print if output is options.Format.table else lambda line: print(line, file=sys.stderr)
     found = run(Extent(minutes, seed), profile, folder, said, scene=partial(random_scene, kind=chosen))
     counts = {"seed": seed, "scenes": found.scenes, "frames": found.frames, "broken": len(found.failures)}
-    if output is not Format.table:
+    if output is not options.Format.table:
         show_rows([counts | {f"outcome {name}": count for name, count in found.classes.items()}], output)
     elif not quiet:
         classes = ", ".join(f"{count} {name}" for name, count in found.classes.most_common())
         print(f"{found.scenes} scenes from seed {seed}, {found.frames} frames: {classes}")
         print(f"broken invariants: {len(found.failures)}" + (f", in {folder}" if found.failures else ""))
     if found.failures:
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)

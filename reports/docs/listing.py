@@ -40,14 +40,7 @@ def package_version(package: str) -> str | None:
 
 def engines() -> list[tuple[str, str, str]]:
     """(engine, version, install hint) of every engine; the hint is empty if it is installed."""
-    from touchstone.adapters.registry import (
-        ENGINES,
-        OURS,
-        available,
-        distribution,
-        installed,
-        missing_reason,
-    )
+    from touchstone.adapters.registry import ENGINES, OURS, available, distribution, installed, missing_reason
 
     rows = []
     for name in available():

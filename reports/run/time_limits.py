@@ -64,12 +64,7 @@ def kind_of(profile: str, label: str) -> str:
 
 
 def judged_time(
-    kind: str,
-    row: Row,
-    tags: tuple[str, ...],
-    stages: str,
-    frames: float = inf,
-    median: float = inf,
+    kind: str, row: Row, tags: tuple[str, ...], stages: str, frames: float = inf, median: float = inf
 ) -> Row:
     """The row with its limit and verdict: `known` where it misses its target and no limit on its growth.
 

@@ -213,10 +213,7 @@ class DaskPool:
             with main_left_out(), one_thread():
                 address = stack.enter_context(
                     distributed.LocalCluster(
-                        n_workers=self._jobs,
-                        threads_per_worker=1,
-                        dashboard_address=None,
-                        silence_logs=50,
+                        n_workers=self._jobs, threads_per_worker=1, dashboard_address=None, silence_logs=50
                     )
                 )
         try:

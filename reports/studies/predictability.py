@@ -123,10 +123,7 @@ def play(
     """Results by scene, number of the start and engine, of the starts from number `first` on."""
     asked = {
         (name, number, engine): Task(
-            scenario,
-            engine,
-            own_settings(engine),
-            folder / "recordings" / f"{name}-{engine}-{number}.npz",
+            scenario, engine, own_settings(engine), folder / "recordings" / f"{name}-{engine}-{number}.npz"
         )
         for name, several in starts.items()
         for number, scenario in enumerate(several)

@@ -137,14 +137,7 @@ SPREADS: dict[str, tuple[tuple[str, float], ...]] = {
     "dropped_time": (("p99", 99), ("max", 100)),
     "slowest": (("p50", 50), ("max", 100)),
 }
-UNITS = {
-    "rise": "1",
-    "residual": "m/s",
-    "overlap": "m",
-    "momentum": "1",
-    "dropped_time": "s",
-    "slowest": "s",
-}
+UNITS = {"rise": "1", "residual": "m/s", "overlap": "m", "momentum": "1", "dropped_time": "s", "slowest": "s"}
 COUNTS = tuple(f"{STUDY}.{outcome.replace(' ', '_')}" for outcome in RANDOM_CLASSES)
 OPEN = f"{STUDY}.solves.open"
 """Metric: share of contact solves with a residual over RESIDUAL_OPEN [1]."""

@@ -25,14 +25,7 @@ from touchstone.reports.verdict.outcomes import Assessment
 from touchstone.scenarios.body_joints import WORLD
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.random_scenes import random_scene
-from touchstone.scenarios.scenario import (
-    TRACKED,
-    Body,
-    BodyJoint,
-    PairCoefficients,
-    Scenario,
-    ScenarioError,
-)
+from touchstone.scenarios.scenario import TRACKED, Body, BodyJoint, PairCoefficients, Scenario, ScenarioError
 
 Fails = Callable[[Scenario], bool]
 MOST_TRIES = 200

@@ -6,14 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
 
 from touchstone.reports.results import Row
-from touchstone.reports.verdict.failings import (
-    CHAOTIC_MARGIN,
-    EVERY_SUBJECT,
-    MARGIN,
-    Failing,
-    Key,
-    bounded,
-)
+from touchstone.reports.verdict.failings import CHAOTIC_MARGIN, EVERY_SUBJECT, MARGIN, Failing, Key, bounded
 from touchstone.reports.verdict.judge import at_own_step
 from touchstone.reports.verdict.limits import limit_of
 from touchstone.scenarios.catalogue import catalogue

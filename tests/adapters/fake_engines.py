@@ -5,9 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
-from touchstone.adapters.contract import AdapterError, Manifest, Unsupported
+from fake_world import FakeWorld
+
+from touchstone.adapters.contract import AdapterError, Unsupported
 
 FALLS = 0.01
 """What a body sinks per step [m]."""
@@ -43,29 +46,27 @@ class Engine:
             time.sleep(4.0)  # longer than the patience of tests
         if self.name == "unsupported":
             raise Unsupported("unsupported: no spheres")
-        return World(self, settings, warming=self.builds == 1)
+        return World(self, scenario, settings, warming=self.builds == 1)
 
 
-class World:
+class World(FakeWorld):
     """Does its worst in the 40th step of the run proper, in the second slice."""
 
-    def __init__(self, engine, settings, warming):
-        self.engine, self.settings, self.warming, self.steps = engine, settings, warming, 0
+    def __init__(self, engine, scenario, settings, warming):
+        super().__init__(engine.name, scenario, settings)
+        self.warming = warming
         self.log = open(Path(engine.folder, f"{engine.name}.log"), "a")  # noqa: SIM115
 
-    def drive(self, step):
-        pass
-
     def step(self):
-        self.steps += 1
+        super().step()
         if self.warming:
             return
-        print(time.monotonic_ns(), self.engine.name, self.steps, file=self.log, flush=True)
+        print(time.monotonic_ns(), self.fake, self.steps, file=self.log, flush=True)
         if self.steps == 40:
             self.misbehave()
 
     def misbehave(self):
-        match self.engine.name:
+        match self.fake:
             case "throws":
                 raise ZeroDivisionError("one\ntwo")
             case "reports":
@@ -83,24 +84,13 @@ class World:
 
     def read(self, state):
         state.position[:, 2] = -FALLS * self.steps
-        if self.engine.name == "diverges" and self.steps == 40 and not self.warming:
+        if self.fake == "diverges" and self.steps == 40 and not self.warming:
             state.position[0, 0] = float("nan")
-        if self.engine.name == "speeds" and self.steps == 40 and not self.warming:
+        if self.fake == "speeds" and self.steps == 40 and not self.warming:
             state.linear_velocity[0, 0] = 1e30
 
     def describe(self):
-        return Manifest(
-            self.engine.name, "1", self.settings.profile, self.settings.dt, {"pid": os.getpid()}, {}, ()
-        )
-
-    def cross(self):
-        pass
-
-    def stage_seconds(self):
-        return {}
-
-    def work(self):
-        return {}
+        return replace(super().describe(), settings={"pid": os.getpid()})
 
     def close(self):
         self.log.close()

@@ -1,7 +1,5 @@
 """The reference's kinematics and inertia against pinocchio's, and pinocchio's own inverse kinematics."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joints between bodies in the engines: their motion tends to the scene's truth as the step shrinks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Bounds: what is played stays inside them, whatever the scene."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

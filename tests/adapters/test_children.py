@@ -1,7 +1,5 @@
 """Children: one that fails is one column, turns are taken, output is kept apart, and nobody survives."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """Compilation of the reference: what it says of its progress."""
 
-from __future__ import annotations
-
 import os
 from contextlib import nullcontext
 

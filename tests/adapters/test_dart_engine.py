@@ -1,7 +1,5 @@
 """The DART adapter: conventions, masses, coefficients, drive, impulses; and DART's faults it steers round."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 

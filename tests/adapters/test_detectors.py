@@ -1,6 +1,4 @@
-"""Detectors: signs, normals and accuracy by closed forms; failures that stay a row."""
-
-from __future__ import annotations
+"""Detectors: signs, normals and accuracy by closed forms; failures that stay a row; the cloud of boxes."""
 
 import itertools
 import os
@@ -25,6 +23,7 @@ from touchstone.adapters.detectors import (
     missing_reason,
 )
 from touchstone.adapters.detectors.children import Child
+from touchstone.adapters.engines.reference.box_cloud import Cloud
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 from touchstone.scenarios.solids import elliptic_hull
 
@@ -193,3 +192,17 @@ def test_a_followed_motion_is_exact_and_held() -> None:
     assert not found.held[:2].any()
     assert found.held[2:].all()
     assert truth.held is None
+
+
+@pytest.mark.parametrize("count", [20, 150])
+def test_pairs_are_all_pairs(count: int) -> None:
+    """Find in every frame what brute force finds."""
+    cloud = Cloud(count, np.random.default_rng(count))
+    for _ in range(5):
+        assert cloud.frame() > 0
+        low, high = cloud.pieces["low"], cloud.pieces["high"]
+        meet = (low[:, None] <= high).all(axis=2) & (low <= high[:, None]).all(axis=2)
+        rows = cloud.pairs[: cloud.found]
+        found = set(zip(rows["piece_a"].tolist(), rows["piece_b"].tolist()))
+        assert len(found) == cloud.found > 0
+        assert found == set(zip(*(k.tolist() for k in np.nonzero(np.triu(meet, 1)))))

@@ -1,13 +1,12 @@
 """What a run is checked for: numbers, speeds, energies and places."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from fake_world import FakeWorld
 
-from touchstone.adapters.contract import Manifest, Settings, State
+from touchstone.adapters.contract import Settings, State
 from touchstone.adapters.divergence import EXPLODED, SPEED_MAX, Watch, largest_work
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import RunEnded, record
@@ -19,40 +18,19 @@ from touchstone.scenarios.scenario import Scenario
 FRAME = 1 / 60
 
 
-class Script:
-    """An engine whose world does what a function of time says: `motion(state, t)`."""
+class Script(FakeWorld):
+    """World that does what a function of time says: `motion(state, t)`; it is its own engine."""
 
     def __init__(self, motion):
-        self.motion, self.time = motion, 0.0
+        self.motion = motion
 
     def build(self, scenario, settings):
-        self.scenario = scenario
+        super().__init__("script", scenario, settings)
         return self
-
-    def drive(self, step):
-        pass
-
-    def step(self):
-        self.time += FRAME
 
     def read(self, state):
         state.position[:] = [body.position for body in self.scenario.bodies]
-        self.motion(state, self.time)
-
-    def describe(self):
-        return Manifest("script", "1", "only", FRAME, {}, {}, ())
-
-    def cross(self):
-        pass
-
-    def stage_seconds(self):
-        return {}
-
-    def work(self):
-        return {}
-
-    def close(self):
-        pass
+        self.motion(state, self.steps * FRAME)
 
 
 def ended(motion, scenario: Scenario, effects=None) -> RunEnded:

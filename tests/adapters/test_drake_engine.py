@@ -1,8 +1,6 @@
 """Drake: registered like an engine of others, friction by its combine rule, no restitution, its SAP
 artefact."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

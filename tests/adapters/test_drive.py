@@ -1,7 +1,5 @@
 """The drive of the dynamics engines: closed forms of its wrench, and a loop that cannot diverge."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import block_diag

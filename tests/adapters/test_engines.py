@@ -1,7 +1,5 @@
 """Every engine of the registry speaks our conventions and simulates the scenario it was given."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Newton, Rapier and PhysX in their environments: conformance, closed forms, what they report and refuse.
 Without its environment (touchstone env add newton, rapier, physx) an engine is skipped."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

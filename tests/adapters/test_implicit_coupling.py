@@ -1,7 +1,5 @@
 """Eq. 6 by the engines' implicit means: its closed form at any step, its static force, and any inertia."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise, product

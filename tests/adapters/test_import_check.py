@@ -1,7 +1,5 @@
 """Imports tried in children: what happened, whatever happened."""
 
-from __future__ import annotations
-
 import sys
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Per-body numbers under an engine's mixing rule: every pair comes out as asked, or is named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -24,10 +22,7 @@ from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Body, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
 
-RULES = {
-    "product": (product_factors, lambda f, g: f * g),
-    "minimum": (minimum_factors, min),
-}
+RULES = {"product": (product_factors, lambda f, g: f * g), "minimum": (minimum_factors, min)}
 ROUNDING = 1e-12
 """Logarithms of three numbers and back, relative."""
 

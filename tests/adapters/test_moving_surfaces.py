@@ -1,7 +1,5 @@
 """Moving surfaces: Galilei's principle, orders of accuracy, and every engine by its own means."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

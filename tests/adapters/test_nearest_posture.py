@@ -1,7 +1,5 @@
 """The best known posture: a plane in closed form, several starts, and what cannot be free."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

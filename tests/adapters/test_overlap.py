@@ -1,7 +1,5 @@
 """The judge of overlap: closed forms, the explicit Minkowski difference, and no pair missed."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Environments of their own: made from a folder of wheels, whole or absent, and found by children alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from importlib.metadata import version
 from types import SimpleNamespace

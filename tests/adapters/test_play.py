@@ -1,7 +1,5 @@
 """One call that plays a scene on several engines."""
 
-from __future__ import annotations
-
 import sys
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Engines of others: found, examined in a child process, played, and refused in one line where faulty."""
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from pathlib import Path
@@ -96,10 +94,7 @@ def test_an_installed_package_is_found_by_its_entry_point(monkeypatch, package, 
         ("x = (", r"its import fails: SyntaxError: .*faulty.py, line 1"),
         ("import nowhere_at_all", r"its import fails: No module named 'nowhere_at_all' \(.*, line 1\)"),
         ("class Engin: pass", r"module 'faulty' has no 'Engine'; did you mean 'Engin'\?"),
-        (
-            "class Engine: pass",
-            r"it is no engine: it has no build and no version and no name",
-        ),
+        ("class Engine: pass", r"it is no engine: it has no build and no version and no name"),
         (SOUND.replace('"sound"', '"a/b"'), r"its name is 'a/b'; expected letters"),
         (SOUND.replace('{"default": 1 / 240}', "{}"), r"its profiles are \{\}; expected"),
         (SOUND.replace("1 / 240", "-1"), r"its profile 'default' has the step -1; expected seconds"),

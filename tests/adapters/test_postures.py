@@ -1,7 +1,5 @@
 """Postures: where hinged links are, by closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

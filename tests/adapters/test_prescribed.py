@@ -1,7 +1,5 @@
 """Prescribed bodies in every engine: exact poses, true velocities in contacts, no part in the coupling."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The loop, its clock and its books, on a world whose every number is known."""
 
-from __future__ import annotations
-
 import json
 from itertools import pairwise
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The registry: names that load, hints that help, and nothing imported before it is asked for."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess
@@ -73,3 +71,16 @@ def test_looking_imports_no_engine():
     )
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_missing_wheel_is_told(monkeypatch):
+    """Beyond its last wheel the reason names both versions; up to it, pip alone."""
+    entry = ENGINES["bullet"]
+    monkeypatch.setitem(ENGINES, "bullet", replace(entry, last_wheel=(3, 8)))
+    mine = ".".join(map(str, sys.version_info[:2]))
+    assert module.missing_reason("bullet") == (
+        "not installed (pip install pybullet; wheels end with Python 3.8, "
+        f"on {mine} pip compiles it for minutes in silence)"
+    )
+    monkeypatch.setitem(ENGINES, "bullet", replace(entry, last_wheel=sys.version_info[:2]))
+    assert module.missing_reason("bullet") == "not installed (pip install pybullet)"

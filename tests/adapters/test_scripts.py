@@ -1,7 +1,5 @@
 """Scripts in an engine's own API print what the adapter records; lines of settings are those of scripts."""
 
-from __future__ import annotations
-
 import re
 from contextlib import redirect_stdout
 from dataclasses import replace

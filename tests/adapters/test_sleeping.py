@@ -1,7 +1,5 @@
 """Sleeping where it is asked for: what each engine stops that would move on, when, and what it lets be."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """`docs/ci.md`: its workflows are YAML whose commands exist, and its steps are green and red as it says."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

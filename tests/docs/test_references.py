@@ -1,7 +1,5 @@
 """What pages, docstrings and comments name exists, and constants have the values that pages quote."""
 
-from __future__ import annotations
-
 import ast
 import io
 import re

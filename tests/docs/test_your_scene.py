@@ -1,7 +1,5 @@
 """The tour of `docs/your_scene.md`: its files are written, its commands run, its outputs compared."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

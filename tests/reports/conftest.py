@@ -1,7 +1,6 @@
 """The program called in an empty folder; recordings whose metrics are known in closed form."""
 
-from __future__ import annotations
-
+import shlex
 import sys
 from io import StringIO
 from types import SimpleNamespace
@@ -31,17 +30,34 @@ def spawned_where_marked(request):
 
 @pytest.fixture
 def touchstone(monkeypatch, capfd, tmp_path):
-    """Call the program in this process, in an empty folder: (exit code, stdout, stderr)."""
+    """Call the program in this process, in an empty folder: (exit code, stdout, stderr).
+
+    The first argument is a line of words as a shell splits them; others are words as they are.
+    """
     from touchstone.reports.cli import main as cli
 
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["touchstone", *map(str, arguments)])
+    def call(line="", *words):
+        monkeypatch.setattr(sys, "argv", ["touchstone", *shlex.split(line), *map(str, words)])
         capfd.readouterr()
         with pytest.raises(SystemExit) as end:
             cli.main()
         return (end.value.code or 0, *capfd.readouterr())
+
+    return call
+
+
+@pytest.fixture
+def refused(touchstone):
+    """Call the program with bad input, which ends in exit 2 and one line: what it says."""
+
+    def call(*arguments):
+        code, out, err = touchstone(*arguments)
+        assert (code, out, err.count("\n")) == (2, "", 1), err
+        start, _, said = err.rstrip("\n").partition(": ")
+        assert start == "touchstone"
+        return said
 
     return call
 

@@ -1,7 +1,5 @@
 """The study calibration: estimators by closed forms, scenes that are what they say, complete rows."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

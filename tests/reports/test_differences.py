@@ -1,6 +1,4 @@
-"""Differences between engines: who stands apart, by how much, and how to see it again."""
-
-from __future__ import annotations
+"""Differences between engines: who stands apart, by how much, how to see it again, and a fifth engine."""
 
 from math import nan
 from pathlib import Path
@@ -8,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.registry import ENGINES, Entry
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import FORCE, Course, course
@@ -18,6 +16,7 @@ from touchstone.reports.views.comparison import TOPICS, command, not_played, sec
 from touchstone.reports.views.comparison_pictures import PICTURES, draw
 from touchstone.reports.views.losses import HEADS, loss_rows, scene_lines, unmeasured_lines
 from touchstone.reports.views.markdown import report
+from touchstone.reports.views.pictures import INK, color_of, detector_color, marker_of
 from touchstone.scenarios.catalogue import catalogue
 
 PROFILES = {engine: next(iter(entry.profiles)) for engine, entry in ENGINES.items()}
@@ -250,3 +249,38 @@ def test_what_only_engines_measure_is_told() -> None:
         row("reference", "rest.speed", nan, "a", verdict="skipped", reason="nothing rests"),
     ]
     assert unmeasured_lines(table(rows)) == ["the engines only: friction.cone (a, b): no impulses"]
+
+
+FIFTH = "fifth"
+
+
+@pytest.fixture
+def fifth(monkeypatch):
+    """The registry with a fifth engine, which needs a package that every machine has."""
+    monkeypatch.setitem(ENGINES, FIFTH, Entry("nowhere:Engine", "numpy", {"recommended": 1 / 240}))
+    return FIFTH
+
+
+def test_an_entry_without_looks_has_some(fifth):
+    """The colour and the marker that no entry states are those of no other engine."""
+    others = [name for name in ENGINES if name != fifth]
+    assert color_of(fifth) not in map(color_of, others)
+    assert marker_of(fifth) not in map(marker_of, others)
+    assert detector_color(f"{fifth}.tight") == color_of(fifth)
+    assert detector_color("unknown") == INK
+
+
+def test_pictures_and_report_show_it(fifth, tmp_path: Path):
+    """Pictures of the differences and the report are drawn with a column of the fifth engine."""
+    columns = columns_of(ENGINES, ["balanced", "recommended"])
+    request = Request((catalogue()["fall"],), columns, tmp_path)
+    rows = [
+        Row("run", "fall", engine, profile, ENGINES[engine].profiles[profile], "overlap.max", 1e-3 * k, "m")
+        for k, (engine, profile) in enumerate(columns)
+    ]
+    results = Results(table(rows))
+    draw(request, results, tmp_path)
+    assert fifth in report(request, results)
+    drawn = [path.read_bytes()[:4] for path in tmp_path.glob("*.png")]
+    assert drawn
+    assert set(drawn) == {b"\x89PNG"}

@@ -1,7 +1,5 @@
 """The study of effects: what it plays, what it says of outcomes, and its means."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables in narrow terminals: no number is cut off, words wrap."""
 
-from __future__ import annotations
-
 import io
 
 import pytest

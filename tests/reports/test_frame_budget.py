@@ -1,7 +1,5 @@
 """The frame budget: its figures in closed form, its order, and its picture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

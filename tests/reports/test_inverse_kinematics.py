@@ -1,7 +1,5 @@
 """The study of inverse kinematics: complete and repeatable rows, goals that are what they say."""
 
-from __future__ import annotations
-
 from math import isnan
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The model card: all engines hold the same driven bodies, and one that does not is found out."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

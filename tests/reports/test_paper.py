@@ -1,7 +1,5 @@
 """The study paper: rules on curves with known answers, and a short run that judges every claim."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 
@@ -13,13 +11,7 @@ from touchstone.adapters.contract import AdapterError
 from touchstone.reports.docs.measurements import page_of
 from touchstone.reports.progress import quietly
 from touchstone.reports.studies.paper import claims
-from touchstone.reports.studies.paper.claims import (
-    CLAIMS,
-    PAIRS,
-    PASSES,
-    Series,
-    plateaus,
-)
+from touchstone.reports.studies.paper.claims import CLAIMS, PAIRS, PASSES, Series, plateaus
 from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, report, run
 
 RATE, COUNT = 60, 480
@@ -173,8 +165,6 @@ def test_the_command_prints_rows(touchstone, monkeypatch) -> None:
         return pd.DataFrame({"metric": ["paper.claim"], "verdict": [""]})
 
     monkeypatch.setattr(study, "run", fake)
-    code, out, _ = touchstone(
-        "study", "paper", "--repeats", "3", "--out", "here", "--format", "csv", "--quiet"
-    )
+    code, out, _ = touchstone("study paper --repeats 3 --out here --format csv --quiet")
     assert (code, asked) == (0, [(3, "here")])
     assert out.splitlines() == ["metric,verdict", "paper.claim,"]

@@ -1,7 +1,5 @@
 """The study predictability: players that amplify by known factors must be told so."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

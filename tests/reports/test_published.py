@@ -1,7 +1,5 @@
 """The metric of published values, and their table on the terminal, in the report and on the page."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 from math import nan

@@ -1,10 +1,8 @@
 """The study relations: changes are what they say, and an engine with a preferred place fails them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from fake_world import FakeWorld
+from fake_world import FakeEngine, FakeWorld
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import load
@@ -15,16 +13,6 @@ from touchstone.scenarios.relations.table import RELATIONS
 from touchstone.scenarios.validation import faults
 
 SETTINGS = Settings("balanced", 1 / 60)
-
-
-class Drifting:
-    """Engine that lets every body fall, with a fault of its own."""
-
-    def __init__(self, fault=""):
-        self.fault = fault
-
-    def build(self, scenario, settings):
-        return World(self.fault, scenario, settings)
 
 
 class World(FakeWorld):
@@ -63,7 +51,7 @@ BROKEN = {
 def test_a_fault_breaks_its_relations(fault):
     """A fault shows in the relations that it contradicts; a faultless engine holds all."""
     scene = catalogue()["collide_oblique"].reduced(effects=("gravity",))
-    found = compare(Drifting(fault), Task(scene, "reference", SETTINGS))
+    found = compare(FakeEngine(fault, World), Task(scene, "reference", SETTINGS))
     broken = {name for name, value in found.deviations.items() if value > 1e-12}
     assert broken >= BROKEN.get(fault, set())
     assert bool(broken) == bool(fault)

@@ -1,7 +1,5 @@
 """The long table and its files: fixed columns, whole or absent."""
 
-from __future__ import annotations
-
 import errno
 from math import isnan, nan
 

@@ -1,7 +1,5 @@
 """The study stability: what is played, what a column survives, and whose envelope contains whose."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.reports.verdict.fake_engines import Engine

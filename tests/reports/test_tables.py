@@ -1,7 +1,5 @@
 """Cells of the table: numbers a reader can take in, and the one value that stands apart."""
 
-from __future__ import annotations
-
 from math import inf, isnan, nan
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Verdicts cannot pass unseen: recordings that fail in one way each must break the limit that is about it."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from math import nan

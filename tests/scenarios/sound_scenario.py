@@ -1,7 +1,5 @@
 """A scenario in which nothing is wrong, and the faults reported of those that differ from it."""
 
-from __future__ import annotations
-
 import pytest
 
 from touchstone.scenarios.scenario import (

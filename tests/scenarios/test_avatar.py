@@ -1,7 +1,5 @@
 """The avatar: the table it is made of, mirrored sides, ball joints within limits, no overlap at rest."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

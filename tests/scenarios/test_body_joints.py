@@ -1,7 +1,5 @@
 """Joints between bodies: each fault with its place, spanning trees, and joined bodies in contact."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, inf, nan, sin
 

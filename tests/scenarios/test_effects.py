@@ -1,7 +1,5 @@
 """Plans: one scene per effect in which it is called for, and one in which it is not; what is asked for."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

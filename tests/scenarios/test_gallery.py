@@ -1,9 +1,10 @@
-"""The gallery, and the trackers of its scenes."""
-
-from __future__ import annotations
+"""The catalogue: its gallery, trackers and solids; broken files are named; final positions in closed form."""
 
 import dataclasses
+import importlib
+import sys
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,12 +13,17 @@ from scipy.spatial import ConvexHull
 
 from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reports.metrics.posture import cone_excess, limit_excess
+from touchstone.scenarios import catalogue as scenes
+from touchstone.scenarios import families
 from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SEGMENTS, avatar_parts
 from touchstone.scenarios.avatar.postures import CLEARANCE, FREQUENCY, person_tracker, reach, step
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.closed_form_ends import final_positions
+from touchstone.scenarios.families import fall  # noqa: F401
 from touchstone.scenarios.gallery import DOORWAY, gallery
-from touchstone.scenarios.scenario import Box, Hull
+from touchstone.scenarios.scenario import Box, Hull, vector
 
 BUILDING = {"floor", "north_wall", "south_wall", "west_wall", "east_wall", "partition"}
 SCENES = [scene.name for scene in tagged("gallery")]
@@ -150,3 +156,99 @@ def test_gallery_scenes_start_free_of_overlap(name: str, lab: SimpleNamespace, r
     )
     # a ball at rest on a table: coal's tolerance of 1e-8
     assert oracle.measure(short, scenario).overlap().max() <= 1e-8
+
+
+RETURNS = "from touchstone.scenarios.catalogue import scene\n\n\n@scene\ndef odd():\n    return {}\n"
+
+
+@pytest.fixture
+def broken(tmp_path, monkeypatch):
+    """Add a file to the families; returns the names of the scenes that are left, and the lines told."""
+    (tmp_path / "fall.py").touch()  # imported already: the family of the package
+    monkeypatch.setattr(families, "__path__", [str(tmp_path)])
+
+    def add(text: str):
+        (tmp_path / "zz_broken.py").write_text(text)
+        sys.modules.pop("touchstone.scenarios.families.zz_broken", None)
+        importlib.invalidate_caches()
+        scenes.built.cache_clear()
+        return set(scenes.catalogue()), scenes.faults()
+
+    yield add
+    scenes.built.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("import no_such_package\n", "families/zz_broken.py:1: ModuleNotFoundError: No module named"),
+        ("x = (\n", "families/zz_broken.py:1: SyntaxError: '(' was never closed"),
+        ("\n\nraise SystemExit(3)\n", "families/zz_broken.py:3: SystemExit: 3"),
+        (RETURNS.format(3), "families/zz_broken.py: scene odd returns int, expected Scenario or several"),
+        (RETURNS.format("(1,)"), "families/zz_broken.py: scene odd returns int, expected Scenario"),
+        (RETURNS.format("1 / 0"), "families/zz_broken.py: scene odd:6: ZeroDivisionError: division by zero"),
+        (
+            "from touchstone.scenarios.families.fall import fall\n",
+            "families/zz_broken.py: two scenes are called 'fall'",
+        ),
+        (
+            "from dataclasses import replace\nfrom touchstone.scenarios.families.fall import fall as f\n"
+            + RETURNS.format("replace(f(), frame_rate=0)"),
+            "families/zz_broken.py: scene odd: scenario 'fall': frame_rate: found 0, expected a whole number",
+        ),
+    ],
+)
+def test_one_line_names_what_is_broken(broken, text, line):
+    """Name file, line and function; all other scenes can be played."""
+    left, lines = broken(text)
+    assert left == {"fall"}
+    assert lines[0].startswith(line)
+    assert all("\n" not in one for one in lines)
+
+
+COVERED = [name for name, scenario in catalogue().items() if final_positions(scenario) is not None]
+
+
+def moved(scenario, name, shift):
+    bodies = tuple(
+        replace(body, position=vector(np.array(body.position) + shift)) if body.name == name else body
+        for body in scenario.bodies
+    )
+    return replace(scenario, bodies=bodies, truths=(), expectations=())
+
+
+def test_what_is_covered():
+    """Cover free flight, bounces and collisions of two balls, and nothing that rolls, slides or is driven."""
+    families = {name.partition("_")[0] for name in COVERED}
+    assert families >= {"fall", "bounce", "collide"}
+    assert families.isdisjoint({"ball", "cradle", "slide", "slip", "roll", "spring", "stack", "incline"})
+
+
+@pytest.mark.parametrize("name", COVERED)
+def test_ends_are_those_of_the_truth(name):
+    """End where the scene's truth ends."""
+    scenario = catalogue()[name]
+    ends = final_positions(scenario)
+    for k, truth in enumerate(scenario.truths):
+        must_be = motion(scenario, truth, np.array([0.0, scenario.duration])).position[-1]
+        # truths count bounces until 1e-6 m/s; two ways to add the same times
+        np.testing.assert_allclose(ends[k], must_be, atol=1e-12)
+
+
+def test_a_ball_that_misses_flies_on():
+    """Let balls pass each other that are farther off than their diameters."""
+    scenario = moved(catalogue()["collide_oblique"], "mover", (0.0, 0.1, 0.0))
+    ends, mover = final_positions(scenario), scenario.bodies[0]
+    way = np.array(mover.linear_velocity) * scenario.duration
+    np.testing.assert_allclose(ends, [mover.position + way, scenario.bodies[1].position], atol=1e-15)
+
+
+def test_a_head_on_hit_forgets_how_far_it_came():
+    """Stop a ball that meets its equal head on with e = 1 where it always stops; send the other off later."""
+    scenario = replace(catalogue()["collide_ratio_1e3"], truths=())
+    bodies = (replace(scenario.bodies[0], mass=1.0), scenario.bodies[1])
+    scenario = replace(scenario, bodies=bodies)
+    shift = np.array([-1e-3, 0.0, 0.0])
+    change = final_positions(moved(scenario, "mover", shift)) - final_positions(scenario)
+    # the mover stops a diameter before the target's place; the target starts later, by 1e-3 m of its way
+    np.testing.assert_allclose(change, [np.zeros(3), shift], atol=1e-15)

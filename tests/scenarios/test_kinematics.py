@@ -1,7 +1,5 @@
 """Kinematics in NumPy: pinocchio's poses and inertia, boxes in closed form, no kernel of the reference."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

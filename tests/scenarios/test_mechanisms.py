@@ -1,7 +1,5 @@
 """Truths of mechanisms against closed forms, conservation laws, other coordinates and another library."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

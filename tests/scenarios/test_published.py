@@ -1,7 +1,5 @@
 """Published values against integrations of our own, which use contact laws and no published formula."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from math import cos, radians, sin

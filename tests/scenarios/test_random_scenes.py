@@ -1,7 +1,5 @@
 """Random scenes: the same for a seed, of all kinds and shapes, valid, and free of overlap at the start."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The hand, its solids, the trackers' motion and the catalogue."""
 
-from __future__ import annotations
-
 import dataclasses
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Truths of smooth contact against closed forms, conservation laws and differences of the motion itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,7 @@
-"""The truth of a prism that tips down a slope: quadrature, conservation laws and the law of friction."""
-
-from __future__ import annotations
+"""Prisms that tip, and sliders: quadrature, conservation, Coulomb's law; bodies that start in one place."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
-from touchstone.scenarios.scenario import GRAVITY, ScenarioError
+from touchstone.scenarios.places import coinciding
+from touchstone.scenarios.scenario import GRAVITY, Hull, Piece, ScenarioError
+from touchstone.scenarios.solids import ball, block, hull
 from touchstone.scenarios.truths.body_motion import Motion
 from touchstone.scenarios.truths.tipping import phases
 
@@ -127,3 +128,82 @@ def test_a_block_rocks_by_quadrature() -> None:
     tilt = Rotation.from_quat(at.orientation, scalar_first=True).magnitude().max()
     assert tilt == pytest.approx(critical - highest, abs=1e-8)
     assert block.inertia[1][1] == pytest.approx((0.05**2 + 0.25**2) / 3)
+
+
+SCENES = ["sliders", *(f"sliders_seed{k}" for k in range(3))]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_each_phase_obeys_coulombs_law(name: str) -> None:
+    """Friction opposes each slip at mu N, and holds what is at rest."""
+    scene = catalogue()[name]
+    lower, upper = scene.bodies[1:]
+    between, below = scene.pair_coefficients(1, 2)[1], scene.pair_coefficients(0, 1)[1]
+    low, high = (truth.arcs for truth in scene.truths)
+    edges = sorted({arc.start for arc in (*low, *high)} | {scene.duration})
+    for start, end in pairwise(edges):
+        step, t = 1e-4, np.array([(start + end) / 2])
+        v, a = np.empty(2), np.empty(2)
+        for k, truth in enumerate(scene.truths):
+            before, now, after = (motion(scene, truth, t + d).velocity[0, 0] for d in (-step, 0, step))
+            v[k], a[k] = now, (after - before) / (2 * step)
+        carried, braked = upper.mass * a[1], lower.mass * a[0] + upper.mass * a[1]
+        weight = (lower.mass + upper.mass) * GRAVITY
+        for slip, force, most in (
+            (v[1] - v[0], carried, between * upper.mass * GRAVITY),
+            (v[0], braked, below * weight),
+        ):
+            if abs(slip) > 1e-12:
+                assert force == pytest.approx(-np.sign(slip) * most, abs=1e-9)
+            else:
+                assert abs(force) <= most
+
+
+def test_known_ends() -> None:
+    """By hand: both meet at 0.45 m/s after 3 / 6.54 s; the upper block needs as long to stop as to start."""
+    scene = catalogue()["sliders"]
+    low, high = (motion(scene, truth, np.array([scene.duration])) for truth in scene.truths)
+    assert high.position[0, 0] == pytest.approx(0.45 * 3 / 6.54, rel=1e-12)
+    assert low.position[0, 0] == pytest.approx((3 + 0.45) / 2 * 3 / 6.54 + 0.45**2 / (2 * 4.905), rel=1e-12)
+    assert not low.velocity.any()
+    assert not high.velocity.any()
+
+
+HERE = (0.3, -0.2, 1.0)
+CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+ONE = ball("one", "wood", 0.05, 1.0, HERE)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        ball("two", "wood", 0.03, 2.0, HERE),
+        block("two", "wood", (0.1, 0.1, 0.1), 1.0, HERE),
+        block("two", "wood", (0.1, 0.1, 0.1), kind="fixed", position=HERE),
+        # the mean of the corners of a tetrahedron is its centre of mass
+        hull("two", "wood", CORNERS, 1.0, HERE),
+    ],
+    ids=("ball", "block", "fixed", "hull"),
+)
+def test_bodies_in_one_place_are_told(lab, other):
+    """Name two bodies with one centre, whatever their shapes, and their place, in one line."""
+    expected = (
+        "bodies[2].position: 'two' starts where 'one' does: pieces of both have their centre at "
+        "(0.3, -0.2, 1) m; move one of them"
+    )
+    assert coinciding(lab.scene(ONE, lab.ground(), other)) == expected
+
+
+def test_overlap_is_no_fault(lab):
+    """Say nothing of bodies that overlap, of fixed bodies in one place, and of one body's pieces in one."""
+    near = (HERE[0] + 1e-6, *HERE[1:])
+    twice = (Piece("one", Hull(CORNERS)), Piece("two", Hull(CORNERS)))
+    scene = lab.scene(
+        ONE,
+        ball("two", "wood", 0.05, 1.0, near),
+        replace(lab.ball("three", (5.0, 0.0, 1.0)), pieces=twice),
+        lab.ground(),
+        replace(lab.ground(), name="again"),
+    )
+    assert coinciding(scene) is None
+    assert coinciding(lab.scene(ONE)) is None

@@ -1,7 +1,5 @@
 """Every kind of fault is reported with the path of its field, all at once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import inf, nan
 from types import SimpleNamespace
@@ -11,25 +9,34 @@ from scipy.spatial.transform import Rotation
 from sound_scenario import CUBE, QUIET, faults_of, sound
 
 from touchstone.scenarios.avatar.noisy_tracker import noisy
+from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.places import coinciding
 from touchstone.scenarios.relations.changes import heavier, rescaled, rotated
 from touchstone.scenarios.scenario import (
     HOLD_LAST,
     UNMOVED,
+    Arc,
     Body,
     Box,
     Capsule,
+    Chain,
     Cone,
     Cylinder,
     Ellipsoid,
     Hull,
+    Joint,
     Piece,
+    ReachCone,
     RoundedBox,
     RoundedHull,
     Scenario,
+    ScenarioError,
     Sphere,
     Tracker,
+    Truth,
 )
+from touchstone.scenarios.solids import box_inertia
+from touchstone.scenarios.truths.force_truth import ForceTruth
 
 
 def test_a_sound_scenario_is_accepted() -> None:
@@ -340,3 +347,203 @@ def test_changed_scenes_keep_prescribed_paths() -> None:
     turned = rotated(scene, Rotation.from_rotvec((0.0, 0.0, 1.0)))
     assert turned.bodies[4] == scene.bodies[4]
     assert "'deck'" not in str(coinciding(scene))
+
+
+CORNERS = ((0.5, 0.5, 0.5**0.5), (-0.5, 0.5, 0.5**0.5), (-0.5, -0.5, 0.5**0.5), (0.5, -0.5, 0.5**0.5))
+CONE = ReachCone(("one", "two", "elbow"), (0.0, 0.0, 1.0), CORNERS, (-1.0, 1.0))
+SHORT = (0.0, 0.0, 0.9)
+CHAIN = [
+    # change of the chain, change of its cone, path, part of the message
+    ({"name": ""}, {}, "chains[0].name", "a name of its own"),
+    ({"joints": ()}, {}, "chains[0].joints", "at least one"),
+    ({"joints": ("one", "two", "wing")}, {}, "chains[0].joints[2]", "unknown joint 'wing'; valid: one, two"),
+    ({"joints": ("one", "elbow")}, {}, "chains[0].joints[1]", "does not hang on"),
+    ({"joints": ("one", "two", "two")}, {}, "chains[0].joints[2]", "does not hang on"),
+    ({"joints": ("two", "elbow")}, {}, "chains[0].cones[0].joints", "three successive joints"),
+    ({}, {"joints": ("one", "two", "wing")}, "chains[0].cones[0].joints", "three successive joints"),
+    ({}, {"twist": (1.0, -1.0)}, "chains[0].cones[0].twist", "lower < upper"),
+    ({}, {"twist": (nan, 1.0)}, "chains[0].cones[0].twist", "lower < upper"),
+    ({}, {"center": (0.0, 0.0, -1.0)}, "chains[0].cones[0].center", "opposite"),
+    ({}, {"center": SHORT}, "chains[0].cones[0].center", "unit vectors"),
+    ({}, {"swing": (*CORNERS, SHORT)}, "chains[0].cones[0].swing", "unit vectors"),
+    ({}, {"swing": ()}, "chains[0].cones[0].swing", "unit vectors"),
+    ({}, {"swing": CORNERS[::-1]}, "chains[0].cones[0].swing", "not star-shaped"),
+    ({}, {"swing": CORNERS[:2]}, "chains[0].cones[0].swing", "not star-shaped"),
+    ({}, {"swing": CORNERS * 2}, "chains[0].cones[0].swing", "not star-shaped"),
+    ({}, {"swing": (CORNERS[0], *CORNERS[2:0:-1], CORNERS[3])}, "chains[0].cones[0].swing", "star-shaped"),
+    ({}, {"center": (1.0, 0.0, 0.0)}, "chains[0].cones[0].swing", "not star-shaped"),
+]
+
+
+def with_ball() -> dict:
+    """The sound scenario with a ball joint for an elbow, as a chain."""
+    fields = sound()
+    upper = fields["bodies"][2]
+    between = tuple(replace(upper, name=name, pieces=()) for name in ("between", "beside"))
+    joints = (
+        Joint("one", "upper", "between", (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+        Joint("two", "between", "beside", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        Joint("elbow", "beside", "lower", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    )
+    arm = replace(fields["trackers"][0], joints=("one", "two", "elbow"), angles=((0.0,) * 3,) * 2)
+    chain = Chain("arm", arm.joints, (CONE,))
+    bodies = fields["bodies"] + between
+    return fields | {"bodies": bodies, "joints": joints, "trackers": (arm,), "chains": (chain,)}
+
+
+@pytest.mark.parametrize(("change", "cone", "path", "message"), CHAIN)
+def test_faults_of_a_chain(change: dict, cone: dict, path: str, message: str) -> None:
+    """Tell what is wrong with a chain or with a reach cone in it."""
+    fields = with_ball()
+    assert Scenario(**fields).chains
+    chain = replace(fields["chains"][0], cones=(replace(CONE, **cone),), **change)
+    assert message in faults_of(fields | {"chains": (chain,)})[path]
+
+
+def test_a_joint_is_in_one_chain() -> None:
+    """Tell a joint that two chains turn."""
+    fields = with_ball()
+    leg = Chain("leg", ("elbow",))
+    found = faults_of(fields | {"chains": (*fields["chains"], leg)})
+    assert found["chains[1].joints[0]"] == "'elbow' is in chains[0] already"
+
+
+@pytest.mark.parametrize(
+    ("joint", "change", "message"),
+    [
+        (1, {"position": (0.1, 0.0, 0.0)}, "origin of their parents"),
+        (1, {"axis": (0.0, 0.6, 0.8)}, "perpendicular"),
+        (2, {"axis": (0.0, 0.0, -1.0)}, "right-handed"),
+        (0, {"orientation": (0.5, 0.5, 0.5, 0.5)}, "perpendicular"),
+    ],
+)
+def test_a_ball_joint_is_three_hinges_square_to_each_other(joint: int, change: dict, message: str) -> None:
+    """Tell hinges that do not meet in a point at right angles."""
+    fields = with_ball()
+    joints = list(fields["joints"])
+    joints[joint] = replace(joints[joint], **change)
+    assert message in faults_of(fields | {"joints": tuple(joints)})["chains[0].cones[0].joints"]
+
+
+def test_a_chain_follows_its_trackers_order() -> None:
+    """Tell joints of a chain between which the tracker has others."""
+    fields = with_ball()
+    arm = replace(fields["trackers"][0], joints=("one", "aside", "two", "elbow"), angles=((0.0,) * 4,) * 2)
+    other = replace(fields["bodies"][2], name="other")
+    aside = Joint("aside", "between", "other", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    fields |= {"trackers": (arm,), "joints": (*fields["joints"], aside), "bodies": (*fields["bodies"], other)}
+    assert "does not follow 'one' in its tracker's order" in faults_of(fields)["chains[0].joints[1]"]
+
+
+START = Arc(0.0, (0.0, 0.0, 1.0))
+TRUTH = [
+    ({"law": "magic"}, "truths[0].law", "unknown law 'magic'; valid: arcs, torque_free, coupling, carried"),
+    ({"body": "moon"}, "truths[0].body", "unknown body 'moon'; valid: ground, ball"),
+    ({"body": "ground"}, "truths[0].body", "'ground' is fixed, expected a simulated body"),
+    ({"law": "coupling", "arcs": ()}, "truths[0].body", "'ball' follows no tracker"),
+    ({"law": "coupling", "body": "upper", "arcs": ()}, "truths[0].body", "expected one link"),
+    ({"law": "carried", "arcs": ()}, "truths[0].body", "found 0 prescribed bodies, expected one"),
+    ({"law": "turntable"}, "truths[0].arcs", "found 1, which does not fit the law 'turntable'"),
+    ({"law": "torque_free"}, "truths[0].arcs", "found 1, which does not fit the law 'torque_free'"),
+    ({"law": "torque_free", "arcs": ()}, "truths[0].body", "expected three different"),
+    ({"arcs": ()}, "truths[0].arcs", "found 0, which does not fit the law 'arcs'"),
+    ({"arcs": (replace(START, start=0.1),)}, "truths[0].arcs", "increasing starts from 0 on"),
+    ({"arcs": (START, START)}, "truths[0].arcs", "increasing starts from 0 on"),
+    ({"arcs": (replace(START, velocity=(nan, 0.0, 0.0)),)}, "truths[0].arcs[0].velocity", "nan"),
+    ({"arcs": (replace(START, position=(0.0, 0.0)),)}, "truths[0].arcs[0].position", "found 2 numbers"),
+    (
+        {"arcs": (replace(START, angular_velocity=(1.0, 0.0, 0.0), angular_acceleration=(0.0, 1.0, 0.0)),)},
+        "truths[0].arcs[0].angular_acceleration",
+        "expected along the angular velocity",
+    ),
+]
+
+
+@pytest.mark.parametrize(("change", "path", "message"), TRUTH)
+def test_faults_of_a_truth(change: dict, path: str, message: str) -> None:
+    """Tell what is wrong with how a body is said to move."""
+    truth = replace(Truth("ball", "arcs", (START,)), **change)
+    assert message in faults_of(sound() | {"truths": (truth,)})[path]
+
+
+WEIGHT = ForceTruth("ground", "ball", 0.0, 1.0, 9.81)
+FORCE = [
+    ({"body": "moon"}, "forces[0].body", "unknown body 'moon'; valid: ground, ball"),
+    ({"other": "moon"}, "forces[0].other", "unknown body 'moon'; valid: ground, ball"),
+    ({"other": "ground"}, "forces[0].other", "'ground' and 'ground' cannot touch"),
+    ({"quantity": "work"}, "forces[0].quantity", "unknown quantity 'work'; valid: force, impulse"),
+    ({"value": 0.0}, "forces[0].value", "found 0.0, expected positive numbers"),
+    ({"value": nan}, "forces[0].value", "nan"),
+    ({"start": nan}, "forces[0].start", "nan"),
+    ({"start": -0.1}, "forces[0].start", "expected 0 <= start < end <= 1.0"),
+    ({"start": 1.0}, "forces[0].start", "expected 0 <= start < end <= 1.0"),
+    ({"end": 1.5}, "forces[0].start", "expected 0 <= start < end <= 1.0"),
+    ({"start": 0.505, "end": 0.53}, "forces[0].end", "no frame of 1/60 s lies between start and end"),
+]
+
+
+@pytest.mark.parametrize(("change", "path", "message"), FORCE)
+def test_faults_of_a_force(change: dict, path: str, message: str) -> None:
+    """Refuse invalid force truths, also in scenes with invalid bodies; a root stands for its links."""
+    truth = replace(WEIGHT, **change)
+    fields = sound() | {"forces": (truth,)}
+    assert message in faults_of(fields)[path]
+    if "cannot touch" not in message:
+        assert message in faults_of(fields | {"joints": ()})[path]
+    assert Scenario(**sound() | {"forces": (WEIGHT, replace(WEIGHT, body="upper"))}).forces[1].body == "upper"
+
+
+def test_frames_of_a_force() -> None:
+    """The frames of a window lie within it; rounding of its ends does not move them."""
+    for start, end, frames in ((0.1, 0.3, (6, 18)), (0.1 - 1e-12, 0.3, (6, 18)), (0.11, 0.29, (7, 17))):
+        assert replace(WEIGHT, start=start, end=end).frames(60) == frames
+
+
+def test_truths_that_cannot_both_be() -> None:
+    """Tell a second truth of one body, and a top that spins about a principal axis."""
+    truth = Truth("ball", "arcs", (START,))
+    assert "has two truths" in faults_of(sound() | {"truths": (truth, truth)})["truths[1].body"]
+    fields = sound()
+    box = box_inertia(1.0, (0.1, 0.2, 0.3))
+    spinning = replace(fields["bodies"][1], inertia=box, angular_velocity=(0.0, 1.0, 0.0))
+    fields["bodies"] = (fields["bodies"][0], spinning, *fields["bodies"][2:])
+    fields["truths"] = (Truth("ball", "torque_free"),)
+    assert "about a principal axis" in faults_of(fields)["truths[0].body"]
+    fields["bodies"] = tuple(
+        replace(body, angular_velocity=(0.0, 1.0, 0.1)) if body.name == "ball" else body
+        for body in fields["bodies"]
+    )
+    assert Scenario(**fields).truths == fields["truths"]
+
+
+@pytest.mark.filterwarnings("error")
+def test_enormous_spins_are_compared_without_overflow() -> None:
+    """Tell a spin that turns its axis at any magnitude, and print no warning."""
+    fast = replace(START, angular_velocity=(1e30, 0.0, 0.0), angular_acceleration=(1e30, 0.0, 0.0))
+    turning = replace(fast, angular_acceleration=(0.0, 1e30, 0.0))
+    path = "truths[0].arcs[0].angular_acceleration"
+    fine, wrong = (sound() | {"truths": (Truth("ball", "arcs", (arc,)),)} for arc in (fast, turning))
+    assert Scenario(**fine).truths == fine["truths"]
+    assert "expected along the angular velocity" in faults_of(wrong)[path]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("platform_lift", {"linear_velocity": (0.1, 0.0, 0.0)}, "at rest on a prescribed one"),
+        ("platform_lift", {"angular_velocity": (0.0, 0.0, 1.0)}, "at rest on a prescribed one"),
+        ("turntable", {"center_of_mass": (0.01, 0.0, 0.0)}, "a ball about its centre of mass"),
+    ],
+)
+def test_truths_on_a_prescribed_body(name: str, change: dict, message: str) -> None:
+    """Tell a start or a shape that the closed form does not cover, and a support that moves otherwise."""
+    scene = catalogue()[name]
+    bodies = (scene.bodies[0], replace(scene.bodies[1], **change))
+    with pytest.raises(ScenarioError, match=message):
+        replace(scene, bodies=bodies)
+    tracker, turned = scene.trackers[0], (0.0, 0.0, 0.0, 1.0)
+    positions = (*tracker.positions[:-1], (0.0, 0.0, 9.0))
+    orientations = (*tracker.orientations[:-1], turned)
+    moved = replace(tracker, positions=positions, orientations=orientations)
+    with pytest.raises(ScenarioError, match="prescribed"):
+        replace(scene, trackers=(moved,))

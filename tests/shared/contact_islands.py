@@ -1,7 +1,5 @@
 """Contact problems of single islands, recorded from scenes: rows and movers as `load_island` sets them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

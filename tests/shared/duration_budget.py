@@ -4,8 +4,6 @@ Processor time, children included, does not depend on what else a machine does. 
 compiled before the tests start is not part of it.
 """
 
-from __future__ import annotations
-
 import os
 from collections import defaultdict
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ if some do, rigid bodies may stand. Pyramids replace the cones: inscribed ones p
 circumscribed ones that they cannot.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin

@@ -1,7 +1,5 @@
 """Server of a child process for tests of pools: squares of numbers."""
 
-from __future__ import annotations
-
 import os
 from importlib.metadata import version
 

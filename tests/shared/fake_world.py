@@ -1,8 +1,6 @@
 """World of a fake engine: what all fakes have in common."""
 
-from __future__ import annotations
-
-from touchstone.adapters.contract import Manifest
+from touchstone.adapters.contract import Manifest, Unsupported
 
 
 class FakeWorld:
@@ -17,6 +15,9 @@ class FakeWorld:
     def step(self):
         """Count a step."""
         self.steps += 1
+
+    def read(self, state):
+        """Nothing moves."""
 
     def work(self):
         """Nothing is left unresolved."""
@@ -36,3 +37,16 @@ class FakeWorld:
 
     def close(self):
         """Free nothing."""
+
+
+class FakeEngine:
+    """Builds worlds that do what its name says; "unsupported" builds none."""
+
+    def __init__(self, name="", world=FakeWorld):
+        self.name, self.world = name, world
+
+    def build(self, scenario, settings):
+        """World of a scenario."""
+        if self.name == "unsupported":
+            raise Unsupported("unsupported: no shapes")
+        return self.world(self.name, scenario, settings)

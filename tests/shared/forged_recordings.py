@@ -1,21 +1,22 @@
 """Recordings that someone has forged, each in one way: a field's arrays or texts, or the archive."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile
 from collections.abc import Callable, Mapping
+from functools import partial
+from math import nan
 from pathlib import Path
 
 import numpy as np
 
 Columns = dict[str, np.ndarray]
-Change = Callable[[Columns], object]
+Change = Callable[[Columns, str], object]
+"""Change of a field's array among all."""
 
 
-def _json(field: str, change: Callable[[dict], object]) -> Change:
-    def forge(columns: Columns) -> None:
+def _json(change: Callable[[dict], object]) -> Change:
+    def forge(columns: Columns, field: str) -> None:
         data = json.loads(str(columns[field]))
         change(data)
         columns[field] = np.array(json.dumps(data))
@@ -23,26 +24,35 @@ def _json(field: str, change: Callable[[dict], object]) -> Change:
     return forge
 
 
-def _set(**values: object) -> Change:
-    return lambda columns: columns.update({name: np.asarray(value) for name, value in values.items()})
+def _to(value: object) -> Change:
+    return lambda columns, field: columns.update({field: np.asarray(value)})
 
 
-def _cut(field: str) -> Change:
-    return lambda columns: columns.update({field: columns[field][..., :-1]})
+def _array(change: Callable[[np.ndarray], np.ndarray]) -> Change:
+    return lambda columns, field: columns.update({field: change(columns[field])})
 
 
-def _cast(field: str, kind: object) -> Change:
-    return lambda columns: columns.update({field: columns[field].astype(kind)})
+def _in_place(change: Callable[[np.ndarray], object]) -> Change:
+    return lambda columns, field: change(columns[field])
+
+
+def _cast(kind: object) -> Change:
+    return _array(lambda array: array.astype(kind))
 
 
 def _contact(**values: object) -> Change:
-    def forge(columns: Columns) -> None:
+    def forge(columns: Columns, field: str) -> None:
         rows = np.zeros(1, columns["contacts"].dtype)
         for name, value in values.items():
             rows[name] = value
         columns["contacts"] = rows
 
     return forge
+
+
+def _per_frame(columns: Columns, field: str, width: int, fewer: int = 0) -> None:
+    """Let a field have so many numbers for each frame."""
+    columns[field] = np.zeros((len(columns["time"]) - fewer, width))
 
 
 ARRAYS = (
@@ -55,119 +65,94 @@ ARRAYS = (
     "time_frame",
     "work",
 )
-CHANGES: Mapping[str, tuple[str, Change]] = {
-    **{
-        f"no {name}": (name, lambda columns, name=name: columns.pop(name))
-        for name in ("scenario", "contacts", "work")
+CUT = _array(lambda array: array[..., :-1])
+HALF = "\ud800"
+"""Half a character."""
+BY_FIELD: Mapping[str, Mapping[str, Change]] = {
+    "position": {
+        "single": _cast("f4"),
+        "complex": _cast("c16"),
+        "objects": _cast(object),
+        "a row less": _array(lambda array: array[1:]),
+        "two coordinates": CUT,
+        "a body less": _array(lambda array: array[:, 1:]),
+        "not finite": _in_place(lambda array: array.fill(np.nan)),
+        "too far": _in_place(lambda array: array.__setitem__(-1, 1e308)),
     },
-    **{
-        f"{name}: texts": (name, lambda columns, name=name: columns.update({name: np.array(["a"])}))
-        for name in ARRAYS
+    "orientation": {"vectors": CUT, "not finite": _in_place(lambda array: array.fill(np.inf))},
+    "angular_velocity": {"too fast": _in_place(lambda array: array.__setitem__(-1, 1e39))},
+    "joint_angle": {"one more": partial(_per_frame, width=9)},
+    "driver_work": {"infinite": _in_place(lambda array: array.fill(np.inf))},
+    "work": {"not finite": _in_place(lambda array: array.fill(np.nan))},
+    "time": {
+        "whole numbers": _cast(int),
+        "empty": _to(np.zeros(0)),
+        "NaN": _in_place(lambda array: array.__setitem__(1, np.nan)),
+        "infinite": _in_place(lambda array: array.__setitem__(-1, np.inf)),
+        "backwards": _array(lambda array: array[::-1].copy()),
+        "far apart": _in_place(lambda array: array.__imul__(1e300)),
+        "at once": _in_place(lambda array: array.__imul__(1e-300)),
+        "later": _in_place(lambda array: array.__iadd__(1e9)),
+        "longer than the scene": _to(np.arange(9999) / 60),
     },
-    **{
-        f"{name}: a number": (name, _set(**{name: 1.0}))
-        for name in (*ARRAYS, "contacts", "stage_names", "ended")
+    "time_frame": {"a frame less": CUT, "negative": _in_place(lambda array: array.fill(-1))},
+    "stage_seconds": {"a stage more": partial(_per_frame, width=99, fewer=1)},
+    "stage_names": {
+        "bytes": _to(np.array([b"a"])),
+        "half a character": _array(lambda array: np.full_like(array, HALF)),
     },
-    "position: single": ("position", _cast("position", "f4")),
-    "position: complex": ("position", _cast("position", "c16")),
-    "position: objects": ("position", _cast("position", object)),
-    "time: whole numbers": ("time", _cast("time", int)),
-    "stage_names: bytes": ("stage_names", _set(stage_names=np.array([b"a"]))),
-    "contacts: plain": ("contacts", _set(contacts=np.zeros((3, 25)))),
-    "position: a row less": ("position", lambda columns: columns.update(position=columns["position"][1:])),
-    "position: two coordinates": ("position", _cut("position")),
-    "position: a body less": (
-        "position",
-        lambda columns: columns.update(position=columns["position"][:, 1:]),
-    ),
-    "orientation: vectors": ("orientation", _cut("orientation")),
-    "joint_angle: one more": ("joint_angle", lambda c: c.update(joint_angle=np.zeros((len(c["time"]), 9)))),
-    "stage_seconds: a stage more": (
-        "stage_seconds",
-        lambda c: c.update(stage_seconds=np.zeros((len(c["time"]) - 1, 99))),
-    ),
-    "time_frame: a frame less": ("time_frame", _cut("time_frame")),
-    "time: empty": ("time", _set(time=np.zeros(0))),
-    "time: NaN": ("time", lambda columns: columns["time"].__setitem__(1, np.nan)),
-    "time: infinite": ("time", lambda columns: columns["time"].__setitem__(-1, np.inf)),
-    "time: backwards": ("time", lambda columns: columns.update(time=columns["time"][::-1].copy())),
-    "position: not finite": ("position", lambda columns: columns["position"].fill(np.nan)),
-    "orientation: not finite": ("orientation", lambda columns: columns["orientation"].fill(np.inf)),
-    "work: not finite": ("work", lambda columns: columns["work"].fill(np.nan)),
-    "position: too far": ("position", lambda columns: columns["position"].__setitem__(-1, 1e308)),
-    "angular_velocity: too fast": (
-        "angular_velocity",
-        lambda columns: columns["angular_velocity"].__setitem__(-1, 1e39),
-    ),
-    "driver_work: infinite": ("driver_work", lambda columns: columns["driver_work"].fill(np.inf)),
-    "time_frame: negative": ("time_frame", lambda columns: columns["time_frame"].fill(-1)),
-    "time: far apart": ("time", lambda columns: columns["time"].__imul__(1e300)),
-    "time: at once": ("time", lambda columns: columns["time"].__imul__(1e-300)),
-    "time: later": ("time", lambda columns: columns["time"].__iadd__(1e9)),
-    "time: longer than the scene": ("time", lambda c: c.update(time=np.arange(9999) / 60)),
-    "contacts: before the run": ("contacts", _contact(time=-1)),
-    "contacts: at no time": ("contacts", _contact(time=np.nan)),
-    "contacts: after the run": ("contacts", _contact(time=1e308)),
-    "contacts: nowhere": ("contacts", _contact(position=np.nan)),
-    "contacts: far away": ("contacts", _contact(distance=-1e308)),
-    "contacts: an infinite impulse": ("contacts", _contact(impulse=np.inf)),
-    "contacts: a body too many": ("contacts", _contact(body_b=10**6)),
-    "contacts: a body below 0": ("contacts", _contact(body_a=-1)),
-    "format_version: a text": ("format version", _set(format_version="three")),
-    "format_version: several": ("format version", _set(format_version=[3, 3])),
-    "format_version: NaN": ("format version", _set(format_version=np.nan)),
-    "scenario: empty": ("scenario", _set(scenario="")),
-    "scenario: a list": ("scenario", _set(scenario="[1, 2]")),
-    "scenario: deep": ("scenario", _set(scenario="[" * 100_000)),
-    "scenario: no bodies": ("scenario", _json("scenario", lambda data: data.pop("bodies"))),
-    "scenario: a body less": ("scenario", _json("scenario", lambda data: data["bodies"].pop())),
-    "scenario: bodies are texts": (
-        "scenario",
-        _json("scenario", lambda data: data.update(bodies=["a", "b"])),
-    ),
-    "scenario: a mass is a text": (
-        "scenario",
-        _json("scenario", lambda data: data["bodies"][0].update(mass="1")),
-    ),
-    "scenario: a mass is NaN": (
-        "scenario",
-        _json("scenario", lambda data: data["bodies"][-1].update(mass=float("nan"), kind="simulated")),
-    ),
-    "scenario: another body": (
-        "scenario",
-        _json("scenario", lambda data: data["bodies"][-1].update(name="other")),
-    ),
-    "scenario: an unknown field": ("scenario", _json("scenario", lambda data: data.update(more=1))),
-    "scenario: another folder": (
-        "scenario",
-        _json("scenario", lambda data: data.update(name="../../elsewhere")),
-    ),
-    "scenario: no frame rate": ("scenario", _json("scenario", lambda data: data.update(frame_rate=0))),
-    "manifest: no JSON": ("manifest", _set(manifest="{")),
-    "manifest: a list": ("manifest", _set(manifest="[]")),
-    "manifest: no engine": ("manifest", _json("manifest", lambda data: data.pop("engine"))),
-    "manifest: no profile": ("manifest", _json("manifest", lambda data: data.pop("profile"))),
-    "manifest: a step of 0": ("manifest", _json("manifest", lambda data: data.update(dt=0))),
-    "manifest: a step is a text": ("manifest", _json("manifest", lambda data: data.update(dt="1/60"))),
-    "manifest: a step is NaN": ("manifest", _json("manifest", lambda data: data.update(dt=float("nan")))),
-    "manifest: a step beyond numbers": ("manifest", _json("manifest", lambda data: data.update(dt=10**400))),
-    "manifest: half a character": ("manifest", _json("manifest", lambda data: data.update(engine="\ud800"))),
-    "manifest: an effect is a number": (
-        "manifest",
-        _json("manifest", lambda data: data["effects"].update(contact=1)),
-    ),
-    "manifest: another body": ("manifest", _json("manifest", lambda data: data["bodies"].update(other={}))),
-    "manifest: effects are a list": ("manifest", _json("manifest", lambda data: data.update(effects=[1]))),
-    "scenario: half a character": ("scenario", _json("scenario", lambda data: data.update(summary="\ud800"))),
-    "scenario: endless": ("scenario", _json("scenario", lambda data: data.update(duration=1e308))),
-    "stage_names: half a character": (
-        "stage_names",
-        lambda columns: columns.update(stage_names=np.full_like(columns["stage_names"], "\ud800")),
-    ),
-    "ended: half a character": ("ended", _set(ended="\ud800")),
-    "ended: several": ("ended", _set(ended=["a", "b"])),
+    "contacts": {
+        "plain": _to(np.zeros((3, 25))),
+        "before the run": _contact(time=-1),
+        "at no time": _contact(time=np.nan),
+        "after the run": _contact(time=1e308),
+        "nowhere": _contact(position=np.nan),
+        "far away": _contact(distance=-1e308),
+        "an infinite impulse": _contact(impulse=np.inf),
+        "a body too many": _contact(body_b=10**6),
+        "a body below 0": _contact(body_a=-1),
+    },
+    "format_version": {"a text": _to("three"), "several": _to([3, 3]), "NaN": _to(np.nan)},
+    "scenario": {
+        "empty": _to(""),
+        "a list": _to("[1, 2]"),
+        "deep": _to("[" * 100_000),
+        "no bodies": _json(lambda data: data.pop("bodies")),
+        "a body less": _json(lambda data: data["bodies"].pop()),
+        "bodies are texts": _json(lambda data: data.update(bodies=["a", "b"])),
+        "a mass is a text": _json(lambda data: data["bodies"][0].update(mass="1")),
+        "a mass is NaN": _json(lambda data: data["bodies"][-1].update(mass=nan, kind="simulated")),
+        "another body": _json(lambda data: data["bodies"][-1].update(name="other")),
+        "an unknown field": _json(lambda data: data.update(more=1)),
+        "another folder": _json(lambda data: data.update(name="../../elsewhere")),
+        "no frame rate": _json(lambda data: data.update(frame_rate=0)),
+        "half a character": _json(lambda data: data.update(summary=HALF)),
+        "endless": _json(lambda data: data.update(duration=1e308)),
+    },
+    "manifest": {
+        "no JSON": _to("{"),
+        "a list": _to("[]"),
+        "no engine": _json(lambda data: data.pop("engine")),
+        "no profile": _json(lambda data: data.pop("profile")),
+        "a step of 0": _json(lambda data: data.update(dt=0)),
+        "a step is a text": _json(lambda data: data.update(dt="1/60")),
+        "a step is NaN": _json(lambda data: data.update(dt=nan)),
+        "a step beyond numbers": _json(lambda data: data.update(dt=10**400)),
+        "half a character": _json(lambda data: data.update(engine=HALF)),
+        "an effect is a number": _json(lambda data: data["effects"].update(contact=1)),
+        "another body": _json(lambda data: data["bodies"].update(other={})),
+        "effects are a list": _json(lambda data: data.update(effects=[1])),
+    },
+    "ended": {"half a character": _to(HALF), "several": _to(["a", "b"])},
 }
-"""Way to forge -> what the message names, and the change of the arrays."""
+"""Field -> what is wrong with it, and how to forge that."""
+CHANGES: Mapping[str, tuple[str, Change]] = {
+    **{f"no {name}": (name, dict.pop) for name in ("scenario", "contacts", "work")},
+    **{f"{name}: texts": (name, _to(["a"])) for name in ARRAYS},
+    **{f"{name}: a number": (name, _to(1.0)) for name in (*ARRAYS, "contacts", "stage_names", "ended")},
+    **{f"{name}: {way}": (name, change) for name, ways in BY_FIELD.items() for way, change in ways.items()},
+}
+"""Way to forge -> the field, and the change."""
 
 
 def _claiming(shape: str) -> Callable[[Path], None]:
@@ -214,12 +199,12 @@ def forge(path: Path, way: str) -> str:
         named, change_file = FILES[way]
         change_file(path)
         return named
-    named, change = CHANGES[way]
-    rewrite(path, change)
-    return named
+    field, change = CHANGES[way]
+    rewrite(path, lambda columns: change(columns, field))
+    return field.replace("format_version", "format version")
 
 
-def rewrite(path: Path, change: Change) -> None:
+def rewrite(path: Path, change: Callable[[Columns], object]) -> None:
     """Change the arrays of a file."""
     with np.load(path) as archive:
         columns = {name: archive[name].copy() for name in archive.files}

@@ -1,7 +1,5 @@
 """Tables of results that someone has forged, each in one way: their columns, their metadata, or the file."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable, Mapping

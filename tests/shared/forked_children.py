@@ -1,7 +1,5 @@
 """Child processes that are forked in place of spawned, for tests that are about what children do."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import sys

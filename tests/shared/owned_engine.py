@@ -1,7 +1,5 @@
 """A made-up engine with an environment of its own, which pip finds in a folder of wheels."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

@@ -7,8 +7,6 @@ names in FIGURES (default: all). The kernels run as plain Python, so that assign
 name under which a caller finds a kernel replaces it.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """Short scenes in profile `paper`, and the figures that `paper_choices.py` measures on them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

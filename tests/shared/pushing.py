@@ -1,7 +1,5 @@
 """Scenes in which a person pushes a box over a bare floor at a constant speed, or stands in a ball's way."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.adapters.contract import Settings

@@ -10,8 +10,6 @@ Arguments: `--engine NAME` (default: reference), names of scenes (default: those
 and SEEDS random ones).
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 from collections.abc import Iterator

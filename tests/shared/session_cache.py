@@ -3,8 +3,6 @@
 The folder belongs to one session, so that no answer outlives the code that gave it.
 """
 
-from __future__ import annotations
-
 import fcntl
 import hashlib
 import pickle

@@ -3,8 +3,6 @@
 Debian and Ubuntu have it as `libsiconos-numerics7`.
 """
 
-from __future__ import annotations
-
 import ctypes
 from ctypes import POINTER, c_bool, c_double, c_int, c_void_p
 from ctypes.util import find_library

@@ -1,7 +1,5 @@
 """Motion of one body over a floor, both turned as a whole."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -12,25 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    LIMIT_BROKEN,
-    Format,
-    FormatOption,
-    PrintedOutOption,
-    QuietOption,
-    exit_for,
-    folder_of_now,
-    known,
-    output_to,
-    printed,
-    progress_for,
-    require_judge,
-    require_new,
-    stop,
-    tell_failures,
-    write_file,
-)
+from touchstone.reports.cli import options
 from touchstone.reports.cli.scenes.chosen import LimitsOption, limits_for, metrics_for
 
 PLACE = ("scenario", "engine", "profile", "metric", "subject")
@@ -50,7 +32,7 @@ def compare(
         Path | None, typer.Option(help="TOML or JSON file of tolerances per metric, after the default ones.")
     ] = None,
     metric: Annotated[
-        list[str] | None, typer.Option(help="Compare these metrics alone; patterns such as 'friction.*'.")
+        options.Names, typer.Option(help="Compare these metrics alone; patterns such as 'friction.*'.")
     ] = None,
     match: Annotated[
         Matching,
@@ -65,9 +47,9 @@ def compare(
     every: Annotated[
         bool, typer.Option("--all", help="Show changes within limits and new rows too.")
     ] = False,
-    out: PrintedOutOption = None,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    out: options.PrintedOutOption = None,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Show what changed beyond intervals, limits and tolerances; exit 1 if anything is worse or gone."""
     from touchstone.reports.changes import (
@@ -83,18 +65,16 @@ def compare(
     from touchstone.reports.cli.scenes.chosen import metrics_for
     from touchstone.scenarios.files.read import SceneFileError
 
-    try:
+    with options.refusing(RunError, SceneFileError):
         one, two = table_of(run_a), table_of(run_b)
         if metric:
             wanted = metrics_for(metric)
             one, two = (frame[frame.metric.isin(wanted) | (frame.metric == "run")] for frame in (one, two))
         found = changes(one, two, tolerances(tolerance), match is Matching.profile)
-    except (RunError, SceneFileError) as error:
-        stop(str(error), BAD_INPUT)
     counts = {kind: int((found.kind == kind).sum()) for kind in KINDS}
     failing = ["worse"] if allow_gone else FAILING
-    with output_to(out):
-        if not printed(found[SHOWN], output) and not quiet:
+    with options.output_to(out):
+        if not options.printed(found[SHOWN], output) and not quiet:
             from touchstone.reports.views.render import console, print_parts
 
             shown = found if every else found[found.kind.isin([*FAILING, "better"])]
@@ -105,7 +85,7 @@ def compare(
         place = " ".join(filter(None, (row[name] for name in PLACE)))
         print(f"{row['kind']}: {place}: {row['reason']}", file=sys.stderr)
     if counts["worse"] or (counts["gone"] and not allow_gone):
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)
 
 
 failings = typer.Typer(no_args_is_help=True, help="Known failings.")
@@ -117,20 +97,16 @@ def _group() -> None:
 
 
 @failings.command()
-def measure(
-    runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")],
-) -> None:
+def measure(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]) -> None:
     """Write the sizes of the known failings of runs to the table of failings, and print the difference."""
     from touchstone.reports.changes import RunError, table_of
     from touchstone.reports.results import rows_of
     from touchstone.reports.verdict.failings import FILE, FailingsError, read, write
     from touchstone.reports.verdict.measure import difference, measured
 
-    try:
+    with options.refusing(RunError, FailingsError):
         old = read(FILE)
         new = measured(old, (row for run in runs for row in rows_of(table_of(run))))
-    except (RunError, FailingsError) as error:
-        stop(str(error), BAD_INPUT)
     changed = list(difference(old, new))
     if changed:
         write(new.values(), FILE)
@@ -140,39 +116,29 @@ def measure(
 def judge(
     run: Annotated[Path, typer.Argument(help="Folder of a run, with its recordings.")],
     metric: Annotated[
-        list[str] | None, typer.Option(help="Report these metrics alone; patterns such as 'friction.*'.")
+        options.Names, typer.Option(help="Report these metrics alone; patterns such as 'friction.*'.")
     ] = None,
     limits: LimitsOption = None,
     out: Annotated[Path | None, typer.Option(help="Folder of results (default: runs/judged-<time>).")] = None,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Judge the recordings of an earlier run with today's metrics and limits."""
     from touchstone.reports.changes import RunError
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.judge_again import judge as judge_again
+    from touchstone.reports.views.terminal import report
 
-    folder = out or folder_of_now("judged-")
+    folder = out or options.folder_of_now("judged-")
     chosen, of_file = metrics_for(metric or []), limits_for(limits, ())
     count = len(list((run / "recordings").glob("*.npz")))
     command = " ".join(["touchstone", *sys.argv[1:]])
-    try:
-        with progress_for(count, quiet) as progress:
-            results = judge_again(run, folder, progress, chosen, of_file, command)
-    except (RunError, OutputError) as error:
-        stop(str(error), BAD_INPUT)
+    with options.refusing(RunError, OutputError), options.progress_for(count, quiet) as progress:
+        results = judge_again(run, folder, progress, chosen, of_file, command)
     for line in [] if quiet else judge_faults():
         print(line, file=sys.stderr)
-    if not printed(results.frame, output) and not quiet:
-        from touchstone.reports.views.render import console, print_parts
-        from touchstone.reports.views.terminal import report
-
-        print_parts(report(results.frame), console())
-        print(f"results: {folder}")
-    if quiet:
-        tell_failures(results.frame)
-    exit_for(results.frame.verdict, by_name=False)
+    options.ended(results.frame, report, folder, output, quiet)
 
 
 def tolerances(
@@ -180,8 +146,8 @@ def tolerances(
     out: Annotated[
         Path | None, typer.Option(help="TOML file to write for `compare --tolerance` (default: none).")
     ] = None,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Measure how far apart times are between runs of one program: the tolerances of `compare` here."""
     from touchstone.reports.changes import RunError, differences, table_of, toml_of
@@ -189,16 +155,14 @@ def tolerances(
 
     names = [str(run) for run in dict.fromkeys(runs)]
     if len(names) < 2:
-        stop(f"{names[0]}: name two runs or more", BAD_INPUT)
+        options.stop(f"{names[0]}: name two runs or more")
     if out is not None:
-        require_new(out)
-    try:
+        options.require_new(out)
+    with options.refusing(RunError):
         found = differences({name: table_of(Path(name)) for name in names})
-    except RunError as error:
-        stop(str(error), BAD_INPUT)
     if out is not None:
-        write_file(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
-    if not printed(found, output) and not quiet:
+        options.write_file(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
+    if not options.printed(found, output) and not quiet:
         show_rows([_shown(row) for row in found.to_dict("records")], "table")
         if out is not None:
             print(out)
@@ -220,8 +184,8 @@ MOST = 6
 def view(
     run: Annotated[Path, typer.Argument(help="Folder of a run, with its recordings.")],
     scenario: Annotated[str, typer.Argument(help="Scene of the run (default: its first).")] = "",
-    engine: Annotated[list[str] | None, typer.Option(help="Engines (default: all).")] = None,
-    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: each engine's own).")] = None,
+    engine: options.EngineOption = None,
+    profile: Annotated[options.Names, typer.Option(help="Profiles (default: each engine's own).")] = None,
     out: Annotated[Path | None, typer.Option(help="Page to write (default: RUN/view-SCENE.html).")] = None,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
 ) -> None:
@@ -233,29 +197,27 @@ def view(
     from touchstone.reports.page.run_page import own_columns, scene_page, scenes_of
 
     if out is not None:
-        require_new(out)
-    try:
+        options.require_new(out)
+    with options.refusing(RunError):
         found = scenes_of(run)
-        name = known("scenario", scenario, found) if scenario else next(iter(found))
+        name = options.known("scenario", scenario, found) if scenario else next(iter(found))
         columns = found[name]
         for wanted, kind, place in ((engine, "engine", 0), (profile, "profile", 1)):
             names = {column[place] for column in columns}
-            kept = [known(kind, one, names) for one in wanted or names]
+            kept = [options.known(kind, one, names) for one in wanted or names]
             columns = {column: path for column, path in columns.items() if column[place] in kept}
         if not columns:
-            stop(f"{run}: no recording of {name} fits --engine and --profile", BAD_INPUT)
+            options.stop(f"{run}: no recording of {name} fits --engine and --profile")
         if not profile:
             columns = own_columns(columns)
-        require_judge()
+        options.require_judge()
         shown = dict(list(columns.items())[:MOST])
         if len(columns) > MOST:
             left = ", ".join(" ".join(column) for column in list(columns)[MOST:])
             print(f"not shown, more than {MOST}: {left} (--engine, --profile)", file=sys.stderr)
         text = scene_page(run, name, shown)
-    except RunError as error:
-        stop(str(error), BAD_INPUT)
     path = out or run / f"view-{name}.html"
-    write_file(path, lambda part: part.write_text(text, "utf-8"))
+    options.write_file(path, lambda part: part.write_text(text, "utf-8"))
     if show and not webbrowser.open(f"{path.absolute().as_uri()}#play={name}"):
         print("no browser was found; open the page by hand", file=sys.stderr)
     print(path)

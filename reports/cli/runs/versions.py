@@ -8,23 +8,7 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    ENGINE_FAILED,
-    ENGINE_MISSING,
-    LIMIT_BROKEN,
-    Format,
-    FormatOption,
-    QuietOption,
-    columns_for,
-    engines_named,
-    folder_of_now,
-    printed,
-    progress_for,
-    require_judge,
-    stop,
-    tell_failures,
-)
+from touchstone.reports.cli import options
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 
 INSTALLED = "installed"
@@ -33,22 +17,22 @@ QUICK_SCENES = ("slide", "slip", "collide_oblique", "incline_holds", "cradle", "
 
 def versions(
     scenario: Annotated[
-        list[str] | None, typer.Argument(help="Scenes or files of scenes (default: seven of all kinds).")
+        options.Names, typer.Argument(help="Scenes or files of scenes (default: seven of all kinds).")
     ] = None,
     engine: Annotated[str, typer.Option(help="Engine, from a package index: mujoco, bullet, dart.")] = "",
     version: Annotated[
-        list[str] | None,
+        options.Names,
         typer.Option(help="Released version; repeat. The first is what others are compared with."),
     ] = None,
-    profile: Annotated[list[str] | None, typer.Option(help="Profiles (default: recommended).")] = None,
+    profile: Annotated[options.Names, typer.Option(help="Profiles (default: recommended).")] = None,
     rounds: Annotated[int, typer.Option(min=1, help="How often all is played, for times.")] = 3,
     allow_paths: AllowPathsOption = False,
     out: Annotated[
         Path | None, typer.Option(help="Folder of results (default: runs/versions-<time>).")
     ] = None,
-    output: FormatOption = Format.table,
+    output: options.FormatOption = options.Format.table,
     yes: Annotated[bool, typer.Option("--yes", help="Play what takes more than an hour, too.")] = False,
-    quiet: QuietOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Play scenes on released versions of an engine: did an update change physics or speed?
 
@@ -64,45 +48,46 @@ def versions(
     from touchstone.reports.studies.versions import Compared, compare, environments
 
     if not engine:
-        stop("--engine: name the engine, such as --engine mujoco", BAD_INPUT)
-    (name,) = engines_named([engine])
+        options.stop("--engine: name the engine, such as --engine mujoco")
+    (name,) = options.engines_named([engine])
     if name == "reference":
-        stop(f"--engine {engine}: its versions are commits of this program (touchstone compare)", BAD_INPUT)
+        options.stop(f"--engine {engine}: its versions are commits of this program (touchstone compare)")
     if not version:
-        stop("--version: name released versions, such as --version 3.6.0 --version 3.17.0", BAD_INPUT)
+        options.stop("--version: name released versions, such as --version 3.6.0 --version 3.17.0")
     asked = [*version, INSTALLED] if len(set(version)) == 1 and INSTALLED not in version else version
     here = installed_version(name)
     if INSTALLED in asked and not here:
-        stop(f"--version {INSTALLED}: {name} is not installed; name two versions", BAD_INPUT)
+        options.stop(f"--version {INSTALLED}: {name} is not installed; name two versions")
     wanted = list(dict.fromkeys(here if one == INSTALLED else one for one in asked))
     if len(wanted) < 2:
-        stop(f"--version: {wanted[0]} is the one that is installed; name another one", BAD_INPUT)
+        options.stop(f"--version: {wanted[0]} is the one that is installed; name another one")
     profiles = profile or [next(iter(profiles_of(name)))]
     scenarios = tuple(scenarios_for(scenario or QUICK_SCENES, allow_paths=allow_paths))
-    columns, folder = columns_for([name], profiles), out or folder_of_now("versions-")
-    require_judge()
+    columns, folder = options.columns_for([name], profiles), out or options.folder_of_now("versions-")
+    options.require_judge()
     command = " ".join(["touchstone", *sys.argv[1:]])
     request = Request(scenarios, columns, folder, command=command)
-    try:
+    with options.refusing(TooLargeError):
         check_memory(scenarios, len(columns))
-    except TooLargeError as error:
-        stop(str(error), BAD_INPUT)
     frames = sum(one.frame_count for one in scenarios) * len(columns) * len(wanted) * rounds
     found = Compared(name, {})
-    with progress_for(len(wanted), quiet) as progress:
+    with options.progress_for(len(wanted), quiet) as progress:
         folders, faults = environments(name, wanted, progress)
     for line in faults.values():
         print(f"touchstone: {line}", file=sys.stderr)
-    try:
+    with options.refusing(OutputError, TooLargeError):
         if len(folders) > 1:
-            with progress_for(frames, quiet, by_scene=True) as progress, output_folder(folder) as part:
+            with (
+                options.progress_for(frames, quiet, by_scene=True) as progress,
+                output_folder(folder) as part,
+            ):
                 step = progress if yes else limited(progress, frames)
                 found = compare(request, folders, rounds, part, step)
-    except (OutputError, TooLargeError) as error:
-        stop(str(error), BAD_INPUT)
     if len(folders) < 2:
-        stop(f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", ENGINE_MISSING)
-    if not printed(found.frame, output) and not quiet:
+        options.stop(
+            f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", options.ENGINE_MISSING
+        )
+    if not options.printed(found.frame, output) and not quiet:
         from touchstone.reports.studies.versions import report
         from touchstone.reports.views.render import console, print_parts
 
@@ -116,10 +101,10 @@ def versions(
             print(f"{row['kind']}: {row['version']} {what}: {values}", file=sys.stderr)
         for tried, results in found.results.items():
             failed = results.frame[results.frame.verdict == "error"]
-            tell_failures(failed.assign(engine=f"{name} {tried}"))
+            options.tell_failures(failed.assign(engine=f"{name} {tried}"))
     if len(worse):
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)
     if (found.frame.verdict == "error").any():
-        raise typer.Exit(ENGINE_FAILED)
+        raise typer.Exit(options.ENGINE_FAILED)
     if faults:
-        raise typer.Exit(ENGINE_MISSING)
+        raise typer.Exit(options.ENGINE_MISSING)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.options import BAD_INPUT, known, stop
+from touchstone.reports.cli.options import known, refusing, stop
 
 if TYPE_CHECKING:
     from touchstone.reports.verdict.limits import Limit
@@ -38,7 +38,7 @@ def scenarios_for(
     try:
         found = scenes_named(wanted, hold_last, allow_paths)
     except SceneFileError as error:
-        stop(str(error), BAD_INPUT)
+        stop(str(error))
     except NoScene as error:
         _tell(scenes.faults(hold_last))
         known("scenario", error.name, _nearest(error.name) or scenes.catalogue(hold_last))
@@ -94,11 +94,10 @@ def limits_for(path: Path | None, scenarios: Iterable[Scenario]) -> tuple[Limit,
     from touchstone.reports.verdict.limits import check_limits, limits_of_file
     from touchstone.scenarios.files.read import SceneFileError
 
-    try:
+    with refusing(SceneFileError):
         check_limits(scenarios)
-        return limits_of_file(path) if path else ()
-    except SceneFileError as error:
-        stop(str(error), BAD_INPUT)
+        found = limits_of_file(path) if path else ()
+    return found
 
 
 def metrics_for(patterns: Iterable[str]) -> tuple[str, ...]:

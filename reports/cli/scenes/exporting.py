@@ -9,24 +9,17 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    PrintedOutOption,
-    output_to,
-    require_new,
-    stop,
-    write_file,
-)
+from touchstone.reports.cli import options
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 
 
-def schema(out: PrintedOutOption = None) -> None:
+def schema(out: options.PrintedOutOption = None) -> None:
     """Print the JSON Schema of scene files, for editors and validators."""
     import json
 
     from touchstone.scenarios.files.schema import json_schema
 
-    with output_to(out):
+    with options.output_to(out):
         print(json.dumps(json_schema(), indent=1))
 
 
@@ -85,17 +78,14 @@ def export(
     chosen = scenarios_for([scenario], allow_paths=allow_paths)[0]
     if chosen.body_joints and form in (ExportFormat.mjcf, ExportFormat.urdf):
         kept = "toml and json keep them"
-        stop(f"--format {form}: joints between bodies ({chosen.name}) are not written; {kept}", BAD_INPUT)
+        options.stop(f"--format {form}: joints between bodies ({chosen.name}) are not written; {kept}")
     if form is ExportFormat.urdf:
         from touchstone.adapters.robots.export_urdf import urdf_files
 
         files, folder = urdf_files(chosen), out or Path(chosen.name)
-        try:
-            with output_folder(folder) as part:
-                for name, text in files.items():
-                    (part / name).write_text(text, encoding="utf-8")
-        except OutputError as error:
-            stop(str(error), BAD_INPUT)
+        with options.refusing(OutputError), output_folder(folder) as part:
+            for name, text in files.items():
+                (part / name).write_text(text, encoding="utf-8")
         robots = [name for name in files if name.endswith(".urdf")]
         print(f"{folder}: {', '.join(robots)}, and {len(files) - len(robots)} meshes")
         return
@@ -108,7 +98,7 @@ def export(
     if out is None:
         print(text, end="")
         return
-    require_new(out)
+    options.require_new(out)
     _written(out, lambda part: part.write_text(text, encoding="utf-8"))
 
 
@@ -119,20 +109,17 @@ def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Pa
 
     valid = ", ".join(OF_RECORDINGS)
     if form not in OF_RECORDINGS:
-        stop(f"--format {form}: is for scenes; of a recording: {valid}", BAD_INPUT)
+        options.stop(f"--format {form}: is for scenes; of a recording: {valid}")
     if path.suffix != RECORDING:
-        stop(
-            f"{path}: --format {form} is for recordings, such as runs/TIME/recordings/NAME{RECORDING}",
-            BAD_INPUT,
+        options.stop(
+            f"{path}: --format {form} is for recordings, such as runs/TIME/recordings/NAME{RECORDING}"
         )
     target = out or (None if form is ExportFormat.csv else Path(f"{path.stem}.{form}"))
     if target is not None:
-        require_new(target)
-    try:
+        options.require_new(target)
+    with options.refusing(RecordingError):
         recording = load(path)
         scene = scene_of_text(recording.scenario)
-    except RecordingError as error:
-        stop(str(error), BAD_INPUT)
     if form is ExportFormat.glb:
         data = glb(recording, scene)
         assert target is not None
@@ -148,5 +135,5 @@ def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Pa
 
 
 def _written(target: Path, write: Callable[[Path], object]) -> None:
-    write_file(target, write)
+    options.write_file(target, write)
     print(target)

@@ -8,19 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    LIMIT_BROKEN,
-    QuietOption,
-    changes_for,
-    engines_named,
-    known,
-    progress_for,
-    require_new,
-    step_of,
-    stop,
-    write_file,
-)
+from touchstone.reports.cli import options
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
 
 if TYPE_CHECKING:
@@ -34,11 +22,11 @@ def reproduce(
     profile: Annotated[str, typer.Option(help="Profile (default: the first of the engine).")] = "",
     dt: Annotated[str, typer.Option(help="Native step, such as 1/240 (default: that of the profile).")] = "",
     change: Annotated[
-        list[str] | None, typer.Option("--set", help="KEY=VALUE (touchstone list settings).")
+        options.Names, typer.Option("--set", help="KEY=VALUE (touchstone list settings).")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="New file to write (default: standard output).")] = None,
     allow_paths: AllowPathsOption = False,
-    quiet: QuietOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Write what an engine does in a scene as a script in the engine's own API, without touchstone.
 
@@ -48,22 +36,22 @@ def reproduce(
     from touchstone.reports.run.reproducer import reproduced
 
     if out is not None:
-        require_new(out)
+        options.require_new(out)
     chosen, *others = scenarios_for([scenario], allow_paths=allow_paths)
     if others:
-        stop(f"{scenario}: {1 + len(others)} scenes; name one of them", BAD_INPUT)
-    name = engines_named([engine])[0]
+        options.stop(f"{scenario}: {1 + len(others)} scenes; name one of them")
+    name = options.engines_named([engine])[0]
     settings = settings_for(chosen, name, profile, dt, change or [])
     try:
-        with progress_for(chosen.frame_count, quiet, by_scene=True) as progress:
+        with options.progress_for(chosen.frame_count, quiet, by_scene=True) as progress:
             found = reproduced(chosen, name, settings, progress)
     except AdapterError as error:
-        stop(f"{chosen.name}: {error}", BAD_INPUT)
+        options.stop(f"{chosen.name}: {error}")
     text = found.script.text
     if out is None:
         print(text, end="")
     else:
-        write_file(out, lambda part: part.write_text(text, "utf-8"))
+        options.write_file(out, lambda part: part.write_text(text, "utf-8"))
     same = "to the bit" if found.apart == 0 else f"up to {found.apart:.2g} m"
     for line in (
         []
@@ -76,7 +64,9 @@ def reproduce(
     ):
         print(line, file=sys.stderr)
     if not found.apart < EQUAL:
-        stop(f"{chosen.name}: the script is {found.apart:.2g} m from the recording", LIMIT_BROKEN)
+        options.stop(
+            f"{chosen.name}: the script is {found.apart:.2g} m from the recording", options.LIMIT_BROKEN
+        )
 
 
 EQUAL = 1e-9
@@ -91,13 +81,13 @@ def settings_for(scenario: Scenario, engine: str, profile: str, dt: str, changes
     from touchstone.adapters.registry import ENGINES, changes_of
 
     profiles = ENGINES[engine].profiles
-    chosen = known("profile", profile, profiles) if profile else next(iter(profiles))
+    chosen = options.known("profile", profile, profiles) if profile else next(iter(profiles))
     step = profiles[chosen]
     if dt:
         try:
-            step = step_of(dt)
+            step = options.step_of(dt)
             substeps(scenario, step)
         except ValueError as error:
-            stop(f"--dt {' '.join(dt.split())}: {error}", BAD_INPUT)
-    texts = changes_for([(engine, chosen)], changes)
+            options.stop(f"--dt {' '.join(dt.split())}: {error}")
+    texts = options.changes_for([(engine, chosen)], changes)
     return Settings(chosen, step, changes_of(engine, chosen, texts))

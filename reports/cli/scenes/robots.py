@@ -8,31 +8,16 @@ from typing import Annotated
 
 import typer
 
-from touchstone.reports.cli.options import (
-    BAD_INPUT,
-    ENGINE_MISSING,
-    LIMIT_BROKEN,
-    Format,
-    FormatOption,
-    PrintedOutOption,
-    QuietOption,
-    ended,
-    folder_of_now,
-    measuring,
-    output_to,
-    require_judge,
-    stop,
-    write_file,
-)
+from touchstone.reports.cli import options
 from touchstone.reports.cli.scenes.chosen import AllowPathsOption
 
 
 def check_robot(
     robot: Annotated[Path, typer.Argument(help="File of a robot: URDF or MJCF.")],
     allow_paths: AllowPathsOption = False,
-    out: PrintedOutOption = None,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    out: options.PrintedOutOption = None,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Name what is wrong with a robot: hulls, overlap, inertia, limits, drives, grip; exit 1 on a fault.
 
@@ -41,24 +26,22 @@ def check_robot(
     from touchstone.adapters.registry import installed, missing_reason
 
     if not installed("mujoco"):
-        stop(f"check-robot needs MuJoCo: {missing_reason('mujoco')}", ENGINE_MISSING)
-    require_judge()
+        options.stop(f"check-robot needs MuJoCo: {missing_reason('mujoco')}", options.ENGINE_MISSING)
+    options.require_judge()
     from touchstone.adapters.robots.checks.check import CHECKS, findings
     from touchstone.adapters.robots.checks.finding import FAULT
     from touchstone.adapters.robots.robot_error import RobotError
     from touchstone.reports.docs.listing import show_rows
 
-    try:
+    with options.refusing(RobotError):
         found = list(findings(robot, allow_paths))
-    except RobotError as error:
-        stop(str(error), BAD_INPUT)
     faults = [one for one in found if one.verdict == FAULT]
     if quiet:
         for one in faults:
             print(f"fault: {one.check}: {one.line}", file=sys.stderr)
     else:
-        with output_to(out):
-            if output is Format.table:
+        with options.output_to(out):
+            if output is options.Format.table:
                 for one in found:
                     print(f"{one.verdict:6}{one.check:9}{one.line}")
                 for check in CHECKS:
@@ -68,7 +51,7 @@ def check_robot(
                 names = ("verdict", "check", "subject", "text", "remedy")
                 show_rows([{name: getattr(one, name) for name in names} for one in found], output)
     if faults:
-        raise typer.Exit(LIMIT_BROKEN)
+        raise typer.Exit(options.LIMIT_BROKEN)
 
 
 def import_robot(
@@ -91,8 +74,8 @@ def import_robot(
     hold: Annotated[bool, typer.Option("--hold", help="With --free: servos hold the start posture.")] = False,
     allow_paths: AllowPathsOption = False,
     force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
-    output: FormatOption = Format.table,
-    quiet: QuietOption = False,
+    output: options.FormatOption = options.Format.table,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Write a robot as a scene, driven by a tracker or (--free) simulated; name what could not be kept.
 
@@ -102,42 +85,42 @@ def import_robot(
     from touchstone.adapters.registry import installed, missing_reason
 
     if not installed("mujoco"):
-        stop(f"import needs MuJoCo: {missing_reason('mujoco')}", ENGINE_MISSING)
+        options.stop(f"import needs MuJoCo: {missing_reason('mujoco')}", options.ENGINE_MISSING)
     if (fixed_base or hold) and not free:
-        stop("--fixed-base and --hold are options of --free", BAD_INPUT)
+        options.stop("--fixed-base and --hold are options of --free")
     from touchstone.adapters.robots.mechanism import Simulated
 
     simulated = Simulated(hold, fixed_base) if free else None
     if check:
         if robot is not None or name:
-            stop("--check takes folders; leave out the robot's file and --as", BAD_INPUT)
-        _check(check, out or folder_of_now("import-"), allow_paths, simulated, output, quiet)
+            options.stop("--check takes folders; leave out the robot's file and --as")
+        _check(check, out or options.folder_of_now("import-"), allow_paths, simulated, output, quiet)
     elif robot is None or not name:
-        stop("expected a robot's file and --as NAME, or --check FOLDER", BAD_INPUT)
+        options.stop("expected a robot's file and --as NAME, or --check FOLDER")
     else:
         path = out or Path(f"{name}.toml")
         if path.suffix not in (".toml", ".json"):
-            stop(f"--out {path}: expected a file .toml or .json", BAD_INPUT)
+            options.stop(f"--out {path}: expected a file .toml or .json")
         if path.exists() and not force:
-            stop(f"{path}: exists; write over it by --force", BAD_INPUT)
+            options.stop(f"{path}: exists; write over it by --force")
         _import(robot, name, path, allow_paths, simulated, quiet)
 
 
 def _check(  # type: ignore[no-untyped-def]
-    folders: list[Path], out: Path, allow_paths: bool, simulated, output: Format, quiet: bool
+    folders: list[Path], out: Path, allow_paths: bool, simulated, output: options.Format, quiet: bool
 ) -> None:
-    require_judge()
+    options.require_judge()
     from touchstone.reports.studies.robots import SUFFIXES, report, robots_below, run
 
     for folder in folders:
         if not folder.is_dir():
-            stop(f"--check {folder}: no such folder", BAD_INPUT)
+            options.stop(f"--check {folder}: no such folder")
     robots = robots_below(folders)
     if not robots:
-        stop(f"--check: no robots ({', '.join(SUFFIXES)}) below {', '.join(map(str, folders))}", BAD_INPUT)
-    with measuring(len(robots), quiet) as progress:
+        options.stop(f"--check: no robots ({', '.join(SUFFIXES)}) below {', '.join(map(str, folders))}")
+    with options.measuring(len(robots), quiet) as progress:
         frame = run(robots, out, allow_paths, simulated, progress)
-    ended(frame, report, out, output, quiet)
+    options.ended(frame, report, out, output, quiet)
 
 
 def _import(  # type: ignore[no-untyped-def]
@@ -150,15 +133,13 @@ def _import(  # type: ignore[no-untyped-def]
     from touchstone.scenarios.files.write import scene_json, scene_toml
 
     if not NAME.fullmatch(name):
-        stop(f"--as {name}: expected letters, digits and -_ .,+= after a letter", BAD_INPUT)
-    try:
+        options.stop(f"--as {name}: expected letters, digits and -_ .,+= after a letter")
+    with options.refusing(RobotError):
         found = imported(robot, name, allow_paths, simulated)
-    except RobotError as error:
-        stop(str(error), BAD_INPUT)
     scenario = found.scenario
     comment = "\n".join([f"{robot.name}, imported by touchstone", *found.notes])
     text = scene_json(scenario) if path.suffix == ".json" else scene_toml(scenario, comment)
-    write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
+    options.write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
     for line in found.notes if not quiet else ():
         print(f"note: {line}", file=sys.stderr)
     pieces = sum(len(body.pieces) for body in scenario.bodies)
@@ -190,6 +171,6 @@ def _tell_check(robot: Path, found, allow_paths: bool, quiet: bool) -> None:  # 
         return
     line = verdict_line(compiled(robot, allow_paths).form, off)
     if max(off.values()) > EQUAL:
-        stop(line, LIMIT_BROKEN)
+        options.stop(line, options.LIMIT_BROKEN)
     if not quiet:
         print(line)

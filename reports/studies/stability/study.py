@@ -24,14 +24,7 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import CONSTRUCTION, Row, illustrate, rows_of, write_beside
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.tasks import own_step
-from touchstone.reports.studies.stability.play import (
-    OUTCOME,
-    Played,
-    Scope,
-    levels_of,
-    play_all,
-    steps_of,
-)
+from touchstone.reports.studies.stability.play import OUTCOME, Played, Scope, levels_of, play_all, steps_of
 from touchstone.reports.studies.stability.sheet import write_sheets
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SILENT, SURVIVED

@@ -33,14 +33,7 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.request import EVERY_ENGINE
 from touchstone.reports.runner.tasks import PROCESSES, played
-from touchstone.reports.studies.study import (
-    Column,
-    RefusedError,
-    failures,
-    kept,
-    missing_rows,
-    with_interval,
-)
+from touchstone.reports.studies.study import Column, RefusedError, failures, kept, missing_rows, with_interval
 from touchstone.reports.studies.tosses.measured import Box, Toss
 from touchstone.reports.studies.tosses.playing import (
     NEAR_FRICTIONS,

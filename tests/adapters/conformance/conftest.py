@@ -1,7 +1,5 @@
 """The engine with planted bugs."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A sound engine of balls and flat boxes, and adapters of it with one bug each."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Conformance: a sound engine has no fault, and each planted bug of an adapter is found and named."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Robots that others wrote, and where they are installed: `pip install -e '.[models]'` brings all of them."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path
@@ -21,10 +19,7 @@ PYBULLET = (
     "mini_cheetah/mini_cheetah.urdf",  # refused: an inertia that no body has
     "mjcf/hopper.xml",  # refused: global coordinates
 )
-GYMNASIUM = (
-    *("ant.xml", "half_cheetah.xml", "walker2d.xml", "hopper.xml", "pusher.xml"),
-    "humanoid.xml",
-)
+GYMNASIUM = (*("ant.xml", "half_cheetah.xml", "walker2d.xml", "hopper.xml", "pusher.xml"), "humanoid.xml")
 DM_CONTROL = (
     *(
         "humanoid.xml",

@@ -1,7 +1,5 @@
 """`touchstone check-robot`: each fault is found with its size, and a sound robot has none."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Collada meshes of a URDF: with their units, as hulls, and refused where they hold nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

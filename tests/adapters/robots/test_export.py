@@ -1,7 +1,5 @@
 """Scenes as MJCF and URDF: engines' own loaders read them with the scene's masses, places and corners."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Robots as scenes: mass, inertia, joints and limits are the model's; what cannot be kept is named."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -53,8 +51,7 @@ BODY = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
   <body name="foot" pos="0 0.1 -0.4"><joint name="ankle" pos="0 0.02 0" axis="0 1 0"/>
    <geom size="0.06"/></body></body></body></worldbody></mujoco>
 """
-
-
+END = "</worldbody>"
 TERRAIN = """<mujoco><asset><mesh name="groove" file="groove.obj"/>
  <hfield name="hill" nrow="3" ncol="4" size="0.6 0.4 0.3 0.1" elevation="0 1 2 1  3 0 2 1  1 2 0 3"/></asset>
 <worldbody><geom name="field" type="hfield" hfield="hill" pos="0.1 0 0.2" euler="0 0 20"/>
@@ -110,71 +107,41 @@ def test_several_hinges_share_a_body(robot, tmp_path):
     assert scenario.joints[3].upper == 1000.0
     assert any("'ankle': without limits" in note for note in found.notes)
     assert scenario.trackers[0].positions[0] == (0.0, 0.0, 1.0)
-    floor = scenario.bodies[0]
-    assert (floor.kind, floor.pieces[0].shape, floor.pieces[0].position[2]) == (
-        "fixed",
-        Box((10.0, 10.0, 0.5)),
-        -0.5,
-    )
+    floor, (slab,) = scenario.bodies[0], scenario.bodies[0].pieces
+    assert (floor.kind, slab.shape, slab.position[2]) == ("fixed", Box((10.0, 10.0, 0.5)), -0.5)
     check_whole(tmp_path / "robot.xml", found)
 
 
 @pytest.mark.parametrize(
-    ("name", "old", "new", "line"),
+    ("old", "new", "line"),
     [
+        ('"revolute"', '"planar"', "r.urdf:10: joint 'hinge': type planar: three degrees of freedom"),
+        ('"revolute"', '"floating"', "r.urdf:10: joint 'hinge': type floating: six degrees"),
+        ("tip.obj", "none.obj", "r.urdf:9: mesh: file 'none.obj' is missing"),
+        ("tip.obj", "/etc/passwd", "r.urdf:9: mesh: file '/etc/passwd' lies outside the robot's"),
+        ("tip.obj", "tip.dae", "r.urdf:9: mesh: tip.dae: Collada: File came out empty"),
+        ("tip.obj", "tip.ply", "r.urdf:9: mesh: tip.ply: found .ply, expected .stl, .obj, .msh, .dae"),
+        ('ixx="0.01"', 'ixx="0.1"', "r.urdf:4: link 'rod': a moment of inertia exceeds the sum"),
+        ("</robot>", "", "r.urdf:15: not XML: no element found"),
+        ("robot", "rebot", "r.urdf:1: found <rebot>, expected <robot> (URDF) or <mujoco> (MJCF)"),
+        ('<robot name="arm">', '<!DOCTYPE r [<!ENTITY a "b">]><robot name="&a;">', "r.urdf:1: entity 'a'"),
         (
-            "r.urdf",
-            '"revolute"',
-            '"planar"',
-            "r.urdf:10: joint 'hinge': type planar: three degrees of freedom",
-        ),
-        ("r.urdf", '"revolute"', '"floating"', "r.urdf:10: joint 'hinge': type floating: six degrees"),
-        ("r.urdf", "tip.obj", "none.obj", "r.urdf:9: mesh: file 'none.obj' is missing"),
-        ("r.urdf", "tip.obj", "/etc/passwd", "r.urdf:9: mesh: file '/etc/passwd' lies outside the robot's"),
-        ("r.urdf", "tip.obj", "tip.dae", "r.urdf:9: mesh: tip.dae: Collada: File came out empty"),
-        (
-            "r.urdf",
-            "tip.obj",
-            "tip.ply",
-            "r.urdf:9: mesh: tip.ply: found .ply, expected .stl, .obj, .msh, .dae",
-        ),
-        ("r.urdf", 'ixx="0.01"', 'ixx="0.1"', "r.urdf:4: link 'rod': a moment of inertia exceeds the sum"),
-        ("r.urdf", "</robot>", "", "r.urdf:15: not XML: no element found"),
-        ("r.urdf", "robot", "rebot", "r.urdf:1: found <rebot>, expected <robot> (URDF) or <mujoco> (MJCF)"),
-        (
-            "r.urdf",
-            '<robot name="arm">',
-            '<!DOCTYPE r [<!ENTITY a "b">]><robot name="&a;">',
-            "r.urdf:1: entity 'a'",
-        ),
-        (
-            "r.xml",
-            "</worldbody>",
-            '</worldbody>\n<tendon><spatial name="t"><site site="a"/></spatial></tendon>',
+            END,
+            f'{END}\n<tendon><spatial name="t"><site site="a"/></spatial></tendon>',
             "r.xml:9: spatial 't': a tendon that spans bodies cannot be kept",
         ),
         (
-            "r.xml",
-            "</worldbody>",
-            '</worldbody>\n<equality><connect body1="foot" anchor="0 0 0"/></equality>',
+            END,
+            f'{END}\n<equality><connect body1="foot" anchor="0 0 0"/></equality>',
             "r.xml:9: connect: a closed loop cannot be kept",
         ),
-        (
-            "r.xml",
-            "<worldbody>",
-            '<include file="../x.xml"/><worldbody>',
-            "r.xml:1: include: file '../x.xml' is",
-        ),
-        (
-            "r.xml",
-            'type="capsule" size="0.1',
-            'type="blob" size="0.1',
-            "r.xml:2: geom: invalid keyword: 'blob'",
-        ),
+        ("<worldbody>", '<include file="../x.xml"/><worldbody>', "r.xml:1: include: file '../x.xml' is"),
+        ('type="capsule" size="0.1', 'type="blob" size="0.1', "r.xml:2: geom: invalid keyword: 'blob'"),
     ],
 )
-def test_what_no_scene_holds_is_refused_by_name(robot, tmp_path, name, old, new, line):
+def test_what_no_scene_holds_is_refused_by_name(robot, tmp_path, old, new, line):
     """One line per fault: file, line, element and reason; nothing outside the folder is read."""
+    name = line.partition(":")[0]
     text = ARM if name == "r.urdf" else BODY
     assert old in text
     (tmp_path / "tip.dae").write_text("<COLLADA/>")
@@ -214,10 +181,8 @@ def test_models_of_pybullet_import_or_say_why(tmp_path):
             refused.append(str(error))
             continue
         check_whole(home / name, found)
-    assert [line.partition(": ")[0].split("/")[-1] for line in refused] == [
-        "mini_cheetah.urdf:57",
-        "hopper.xml:2",
-    ]
+    places = [line.partition(": ")[0].split("/")[-1] for line in refused]
+    assert places == ["mini_cheetah.urdf:57", "hopper.xml:2"]
 
 
 @pytest.mark.slow
@@ -298,9 +263,8 @@ def test_terrain_keeps_its_triangles(robot, tmp_path):
     assert any(f"{len(faces)} triangles" in note for note in found.notes)
     corners = [np.array(piece.shape.vertices[:3]) for piece in rock.pieces]
     turned = [world_of(piece, top) for piece, top in zip(rock.pieces, corners)]
-    expected = {
-        tuple(np.round(p, 6)) for p in Rotation.from_euler("z", 30, True).apply(groove.vertices) + (2, 0, 0)
-    }
+    moved = Rotation.from_euler("z", 30, True).apply(groove.vertices) + (2, 0, 0)
+    expected = {tuple(np.round(p, 6)) for p in moved}
     assert {tuple(np.round(p, 6)) for p in np.concatenate(turned)} == expected
 
     model = compiled(tmp_path / "robot.xml").model

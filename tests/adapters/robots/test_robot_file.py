@@ -1,7 +1,5 @@
 """Imported scenes are compared with their files by readers that find each kind of difference."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Robots as simulated bodies: they have what their file says, move as in MuJoCo, and stand on servos."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

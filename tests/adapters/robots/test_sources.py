@@ -1,7 +1,5 @@
 """Files of robots as others leave them: kept as they say, or refused by name, line and remedy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,9 @@ from touchstone.reports.studies.robots import checked
 
 MOMENTS = 'ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"'
 INERTIAL = f'<inertial><mass value="1"/><inertia {MOMENTS}/></inertial>'
+LIMIT = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
+LIMITED = LIMIT.format(-1, 1)
+MASSLESS = "robot.urdf:3: link 'b': joint 'j' moves it, but it has no mass or no inertia"
 SHAPE = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
 TIP = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 MESHED = """<mujoco><asset><mesh name="tip" file="tip.obj"/></asset>
@@ -23,7 +24,7 @@ def link(name, inertial=INERTIAL):
     return f'<link name="{name}">{inertial}{SHAPE}</link>\n'
 
 
-def joint(name, parent, child, kind="revolute", more='<limit lower="-1" upper="1" effort="1" velocity="1"/>'):
+def joint(name, parent, child, kind="revolute", more=LIMITED):
     """A joint half a metre above its parent."""
     ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>'
     return f'<joint name="{name}" type="{kind}">{ends}{"" if kind == "fixed" else more}</joint>\n'
@@ -93,20 +94,10 @@ def test_tendons_of_joints_and_skins_are_noted(load):
 @pytest.mark.parametrize(
     ("text", "line"),
     [
+        (robot(link("a"), link("b", INERTIAL.replace("0.01", "0")), joint("j", "a", "b")), MASSLESS),
+        (robot(link("a"), link("b", ""), joint("j", "a", "b")), MASSLESS),
         (
-            robot(link("a"), link("b", INERTIAL.replace("0.01", "0")), joint("j", "a", "b")),
-            "robot.urdf:3: link 'b': joint 'j' moves it, but it has no mass or no inertia",
-        ),
-        (
-            robot(link("a"), link("b", ""), joint("j", "a", "b")),
-            "robot.urdf:3: link 'b': joint 'j' moves it, but it has no mass or no inertia",
-        ),
-        (
-            robot(
-                link("a"),
-                link("b"),
-                joint("j", "a", "b", more='<limit lower="1" upper="-1" effort="1" velocity="1"/>'),
-            ),
+            robot(link("a"), link("b"), joint("j", "a", "b", more=LIMIT.format(1, -1))),
             "robot.urdf:4: joint 'j': limits from 1 to -1 are inverted",
         ),
         (
@@ -157,10 +148,8 @@ def test_a_number_that_is_not_finite_is_named(load):
 
 def test_a_note_names_the_joint_that_mimics(load):
     """Not the one that it follows."""
-    limits = '<limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="master" multiplier="-2"/>'
-    text = robot(
-        link("a"), link("b"), link("c"), joint("master", "a", "b"), joint("follower", "b", "c", more=limits)
-    )
+    mimics = joint("follower", "b", "c", more=f'{LIMITED}<mimic joint="master" multiplier="-2"/>')
+    text = robot(link("a"), link("b"), link("c"), joint("master", "a", "b"), mimics)
     assert "left out: the coupling of joint 'follower'" in load(text).notes
 
 

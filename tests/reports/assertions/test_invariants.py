@@ -1,7 +1,5 @@
 """Assertions: each passes on the reference and fails on a fake, with what, where, how much and which body."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -118,11 +116,7 @@ FAKES = {
         "where: floor and ball, in frame 40 at 0.6667 s",
     ),
     "no_tunnelling": (tunnelling, "overlap.tunnelled is 1, limit 0", "one through the other"),
-    "energy_not_created": (
-        lambda _: falling(over_floor(), 1.3),
-        "energy.injected",
-        "where: ball, in frame",
-    ),
+    "energy_not_created": (lambda _: falling(over_floor(), 1.3), "energy.injected", "where: ball, in frame"),
     "momentum_kept": (unkept, "momentum.linear", "in frame 30 at 0.5000 s"),
     "friction_cone": (
         lambda _: pressed(over_floor(mu=0.5), 0.9),

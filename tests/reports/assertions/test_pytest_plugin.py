@@ -1,8 +1,6 @@
 """The pytest plug-in: fixtures, markers, options, readable failures and properties, in a session of its
 own."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A detector for spawned children that follows motions and takes a microsecond a vertex."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.adapters.detectors import UNCONVERGED, Answers, Failure

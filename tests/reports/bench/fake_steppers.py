@@ -1,7 +1,5 @@
 """Engines whose steps take as long as they have bodies, for spawned children; dart dies when it builds."""
 
-from __future__ import annotations
-
 import os
 import time
 

@@ -1,7 +1,5 @@
 """`bench frame` on frames of known length: exact ratios and factors, equal steps, verdicts, restarts kept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import prod
 from pathlib import Path

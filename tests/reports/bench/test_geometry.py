@@ -1,7 +1,5 @@
 """`bench geometry` on tiny sizes and on times known in advance: complete rows, exact ratios, honest poses."""
 
-from __future__ import annotations
-
 import json
 from math import nan
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the program plays, and what it leaves in a folder."""
 
-from __future__ import annotations
-
 import pkgutil
 import shutil
 from functools import cache

@@ -1,15 +1,19 @@
-"""Wrong input: one clear line with the nearest valid, exit 2, nothing written; help imports nothing heavy."""
+"""Options of every command; wrong input is one clear line and exit 2; help imports nothing heavy."""
 
-from __future__ import annotations
-
-import shlex
+import json
 import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
+import typer
 
 from touchstone.reports.changes import NEEDED
+from touchstone.reports.cli import main
+from touchstone.reports.cli.cheapest import rows
+from touchstone.reports.results import Row, save, table
+from touchstone.reports.studies.work_precision.cheapest import Answer, MeasuredSetting
 from touchstone.scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
@@ -153,62 +157,170 @@ WRONG = [
     ("study narrow-phase --pairs 99999999999", "--pairs 99999999999: expected at most 10000000"),
     ("study narrow-phase --pairs 8", "--pairs 8: expected at least 9, one per family of poses"),
     ("study narrow-phase --pairs 9 --out full", "--out full: exists and is not an empty folder"),
-    ("study agreement fall --out full", "--out full: exists and is not an empty folder"),
     ("study ik --goals 0", "--goals 0: expected at least 1"),
 ]
 """Command -> how its line begins; `full` is a folder with a file."""
 
 
 @pytest.mark.parametrize(("command", "said"), WRONG)
-def test_wrong_input_is_one_line(touchstone, tmp_path, command, said, left):
+def test_wrong_input_is_one_line(refused, tmp_path, command, said, left):
     """Exit 2 and one line with the place and the nearest valid; nothing is played or written."""
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine").touch()
-    code, out, err = touchstone(*shlex.split(command))
-    assert (code, out) == (2, "")
-    assert err.startswith(f"touchstone: {said}")
-    assert err.count("\n") == 1
+    assert refused(command).startswith(said)
     assert left(tmp_path) == ["full"]
 
 
-@pytest.mark.parametrize("arguments", [[], ["study"]])
-def test_no_command_is_answered_with_all(touchstone, arguments):
+@pytest.mark.parametrize("command", ["", "study"])
+def test_no_command_is_answered_with_all(touchstone, command):
     """Without a command the help is printed, and the end is that of wrong usage."""
-    code, out, err = touchstone(*arguments)
+    code, out, err = touchstone(command)
     assert (code, err) == (2, "")
     assert "Commands" in out
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    "command",
     [
-        ("soak", "--minutes", "inf"),
-        ("soak", "--minutes", "nan"),
-        ("soak", "--minutes", "1e300"),
-        ("study", "narrow-phase", "--pairs", "999999999999"),
-        ("study", "ik", "--goals", "999999999999"),
-        ("study", "robustness", "--scenes", "999999999999"),
-        ("study", "robustness", "--perturbation", "inf"),
-        ("sweep", "fall", "--seed", "\u0663"),
-        ("sweep", "fall", "--part", "\u0660/\u0663"),
-        ("cheapest", "fall", "--position", "\u0661mm"),
+        "soak --minutes inf",
+        "soak --minutes nan",
+        "soak --minutes 1e300",
+        "study narrow-phase --pairs 999999999999",
+        "study ik --goals 999999999999",
+        "study robustness --scenes 999999999999",
+        "study robustness --perturbation inf",
+        "sweep fall --seed \u0663",
+        "sweep fall --part \u0660/\u0663",
+        "cheapest fall --position \u0661mm",
     ],
 )
-def test_what_never_ends_is_refused(touchstone, tmp_path, arguments):
+def test_what_never_ends_is_refused(refused, tmp_path, command):
     """Numbers that let a command run for ever, and digits that are none of ASCII, are one line and exit 2."""
-    code, out, err = touchstone(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert arguments[-2].strip("-") in err
+    assert command.split()[-2].strip("-") in refused(command)
     assert not list(tmp_path.iterdir())
 
 
-def test_an_endless_file_is_refused(touchstone, tmp_path):
+def test_an_endless_file_is_refused(refused, tmp_path):
     """A document of 100 GB is not read."""
     for name in ("old/results.csv", "huge.toml"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / "old" / "results.csv").write_text(",".join(NEEDED) + "\n")
     with open(tmp_path / "huge.toml", "wb") as file:
         file.truncate(10**11)
-    line = "touchstone: huge.toml: 1e+05 MB, expected at most 100 MB\n"
-    assert touchstone("compare", "old", "old", "--tolerance", "huge.toml") == (2, "", line)
-    assert touchstone("show", "huge.toml") == (2, "", line)
+    for command in ("compare old old --tolerance huge.toml", "show huge.toml"):
+        assert refused(command) == "huge.toml: 1e+05 MB, expected at most 100 MB"
+
+
+WITHOUT = {
+    "nightly": {"--format": "its folder has the table", "--out": "a night belongs to its --store"},
+    "challenge": {"--format": "prints two counts; its folder has both tables"},
+    "accept": {"--format": "one line", "--out": "one line", "--quiet": "one line"},
+    "failings measure": {
+        "--format": "prints what changed",
+        "--out": "writes the table of known failings",
+        "--quiet": "prints what changed",
+    },
+    "env add": {"--format": "one line", "--out": "one line", "--quiet": "one line"},
+    "env list": {"--quiet": "has no verdict"},
+    "env remove": {"--format": "one line", "--out": "one line", "--quiet": "one line"},
+    "docs": {"--format": "writes pages", "--quiet": "prints their paths"},
+    "schema": {"--format": "is JSON", "--quiet": "prints nothing else"},
+    "export": {"--quiet": "prints a path"},
+    "reproduce": {"--format": "writes a program"},
+    "view": {"--format": "writes a page", "--quiet": "prints its path"},
+    "list": {"--quiet": "has no verdict"},
+    "show": {"--quiet": "has no verdict"},
+}
+"""Options that a command does not have, and why."""
+
+
+def commands():
+    """Every command by its name, those of groups too."""
+    top = typer.main.get_command(main.app)
+    for name, command in top.commands.items():
+        inner = getattr(command, "commands", None)
+        yield from (
+            {f"{name} {sub}": one for sub, one in inner.items()}.items() if inner else [(name, command)]
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "command"), list(commands()), ids=lambda part: part if isinstance(part, str) else ""
+)
+def test_commands_have_the_same_options(name, command):
+    """Every command has all three, but for those whose reason WITHOUT states."""
+    has = {option for parameter in command.params for option in parameter.opts}
+    assert {"--format", "--out", "--quiet"} - has == WITHOUT.get(name, {}).keys()
+
+
+@pytest.fixture
+def runs(tmp_path):
+    """Two runs; in the second a metric is worse."""
+    for name, value in (("a", 1.0), ("b", 2.0)):
+        (tmp_path / name).mkdir()
+        row = Row("run", "fall", "mujoco", "recommended", 0.01, "truth.position", value, "1")
+        save(table([row]), tmp_path / name)
+
+
+def test_what_is_printed_goes_to_a_new_file(touchstone, refused, tmp_path):
+    """`--out` leaves standard output empty, and replaces no file."""
+    assert touchstone("list profiles --format json --out p.json")[:2] == (0, "")
+    assert json.loads((tmp_path / "p.json").read_text())
+    assert "--out p.json: exists" in refused("list profiles --out p.json")
+    assert touchstone("schema --out s.json")[0] == 0
+    assert json.loads((tmp_path / "s.json").read_text())["title"] == "touchstone scene"
+    said = refused("list profiles --out no/such/p.json")
+    assert said == "--out no/such/p.json: No such file or directory"
+
+
+def test_a_verdict_is_written_with_its_exit_code(touchstone, runs, tmp_path):
+    """A comparison that is worse writes its table and exits with 1; one that is refused writes nothing."""
+    code, out, _ = touchstone("compare a b --format csv --out c.csv")
+    assert (code, out) == (1, "")
+    assert pd.read_csv(tmp_path / "c.csv").kind.tolist() == ["worse"]
+    assert touchstone("compare a none --out d.csv")[0] == 2
+    assert not (tmp_path / "d.csv").exists()
+
+
+def test_quiet_prints_what_decides_the_exit_code(touchstone, runs):
+    """`compare --quiet` names what is worse on standard error, and nothing where all is well."""
+    code, out, err = touchstone("compare a b --quiet")
+    assert (code, out) == (1, "")
+    assert err == "worse: fall mujoco recommended truth.position: by 1\n"
+    assert touchstone("compare a a --quiet") == (0, "", "")
+
+
+@pytest.mark.slow
+def test_doctor_is_read_by_programs(touchstone):
+    """Every engine has a status; `--quiet` prints what fails alone."""
+    code, out, err = touchstone("doctor --format json")
+    found = {row["name"]: row for row in json.loads(out)}
+    assert found["reference"]["status"] == "done", err
+    assert found["drake"]["status"] in ("done", "missing")
+    assert found["kernel cache"]["value"]
+    code, out, err = touchstone("doctor --quiet")
+    assert (code, out) == (0, "")
+    assert {line.partition(":")[0] for line in err.splitlines()} <= {
+        name for name, row in found.items() if row["status"] not in ("", "done")
+    }
+
+
+def test_the_cheapest_setting_is_read_by_programs():
+    """A row per setting with its place, errors and command; JSON has no infinity."""
+
+    def setting(engine, t, overlap):
+        errors = {"overlap": overlap, "energy": 0.1}
+        return MeasuredSetting(engine, "balanced", "", 1 / 60, t, t, t, errors, 0.5, "overlap", "again")
+
+    one, two = setting("reference", 1.0, 1e-6), setting("mujoco", 2.0, 1e-4)
+    three = setting("bullet", 3.0, float("inf"))
+    found = rows(Answer(True, one, two, three, (two,)), {"overlap": 1e-3})
+    assert [(row["place"], row["engine"]) for row in found] == [
+        ("cheapest", "reference"),
+        ("cannot tell apart", "mujoco"),
+        ("next engine", "bullet"),
+    ]
+    assert found[0]["error overlap"] == 1e-6
+    assert found[0]["limit overlap"] == 1e-3
+    assert "error energy" not in found[0]
+    assert json.loads(json.dumps(found, allow_nan=False))[2]["error overlap"] is None

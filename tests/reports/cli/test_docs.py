@@ -1,27 +1,23 @@
-"""`touchstone docs`: generated pages are current, and bad input costs nothing."""
-
-from __future__ import annotations
+"""`touchstone docs` and `--set` in our pages: they are current, and what they name exists."""
 
 import csv
+import re
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import typer
 
-from touchstone.adapters.registry import settings_of
+from touchstone.adapters.knobs import SettingError
+from touchstone.adapters.registry import changes_of, settings_of
 from touchstone.reports.cli.main import app
+from touchstone.reports.docs import reference
 from touchstone.reports.docs.engines import engines_page
 from touchstone.reports.docs.measurements import NoResults, page_of
-from touchstone.reports.docs.reference import (
-    EFFECTS,
-    MANUALS,
-    SOURCES,
-    commands_page,
-    list_pages,
-    settings_pages,
-)
 from touchstone.reports.results import Row, save, save_manifest, table
+from touchstone.reports.run import study
+from touchstone.reports.runner import sweep
 from touchstone.scenarios.catalogue import tagged
 
 GENERATED = Path(__file__).resolve().parents[3] / "docs" / "generated"
@@ -31,7 +27,10 @@ SETTINGS = GENERATED.with_name("settings")
 def test_generated_pages_are_current():
     """Pages that follow from the code equal those in docs/; else run `touchstone docs`."""
     pictures = {scene.name: f"pictures/{scene.name}.png" for scene in tagged("gallery")}
-    pages = {"commands.md": commands_page(typer.main.get_command(app)), **list_pages(pictures)}
+    pages = {
+        "commands.md": reference.commands_page(typer.main.get_command(app)),
+        **reference.list_pages(pictures),
+    }
     pages["../engines.md"] = engines_page(GENERATED.parents[1])
     stale = [name for name, text in pages.items() if (GENERATED / name).read_text() != text]
     assert not stale, "run `touchstone docs`"
@@ -39,28 +38,27 @@ def test_generated_pages_are_current():
 
 def test_pages_of_settings_are_current():
     """The page of every engine that is installed equals that in docs/settings; else run `touchstone docs`."""
-    pages = settings_pages(SETTINGS)
+    pages = reference.settings_pages(SETTINGS)
     stale = [name for name, text in pages.items() if (SETTINGS / name).read_text() != text]
     assert not stale, "run `touchstone docs`"
     assert all("to paste" in text and "reviewed by" in text for text in pages.values())
-    for engine in pd.read_csv(SETTINGS / EFFECTS).engine.unique():
+    for engine in pd.read_csv(SETTINGS / reference.EFFECTS).engine.unique():
         assert "## The best for each tolerance" in (SETTINGS / f"{engine}.md").read_text()
 
 
 def test_every_setting_has_a_source():
     """Each setting of an engine with a page has a line with its source; no line is of one that is gone."""
-    with open(SOURCES, newline="", encoding="utf-8") as file:
+    with open(reference.SOURCES, newline="", encoding="utf-8") as file:
         lines = {(row["engine"], row["setting"]): row["source"] for row in csv.DictReader(file)}
-    known = {(engine, name) for engine in MANUALS for name in settings_of(engine)}
+    known = {(engine, name) for engine in reference.MANUALS for name in settings_of(engine)}
     assert set(lines) == known
     assert all(lines.values())
 
 
 def test_every_gallery_scene_has_a_still():
     """A scene of the gallery has a picture in docs/; else run `touchstone docs --stills`."""
-    assert [
-        s.name for s in tagged("gallery") if not (GENERATED / "pictures" / f"{s.name}.png").is_file()
-    ] == []
+    stills = {path.stem for path in (GENERATED / "pictures").glob("*.png")}
+    assert {scene.name for scene in tagged("gallery")} <= stills
 
 
 @pytest.fixture
@@ -98,9 +96,53 @@ def test_a_folder_without_results_is_named(results, damage, tmp_path, monkeypatc
         page_of(results)
 
 
-def test_docs_needs_a_checkout(touchstone, left, tmp_path):
+def test_docs_needs_a_checkout(refused, left, tmp_path):
     """Outside a checkout the command writes nothing and exits with 2."""
-    code, out, err = touchstone("docs")
-    assert (code, out) == (2, "")
-    assert "index.md is missing" in err
+    assert "index.md is missing" in refused("docs")
     assert left(tmp_path) == []
+
+
+ROOT = Path(__file__).parents[3]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TEXT = {page.relative_to(ROOT).as_posix(): page.read_text("utf-8") for page in PAGES}
+COMMAND = re.compile(r"^(?:[$ ]*|.*`)(touchstone (?:[^`\n\\]|\\\n)*--set [^`\n#]*)", re.MULTILINE)
+EXAMPLES = [
+    (page, " ".join(found.replace("\\\n", " ").split()))
+    for page, text in TEXT.items()
+    for found in COMMAND.findall(text)
+    if "KEY=" not in found
+]
+CHANGES = [
+    (page, change)
+    for page, text in TEXT.items()
+    for change in re.findall(r"--set ([\w.]+=[\w.:,+-]+)", text)
+    if "KEY=" not in change
+]
+
+
+@pytest.mark.parametrize(("page", "line"), EXAMPLES)
+def test_an_example_is_accepted(touchstone, monkeypatch, page, line):
+    """The program accepts every example, up to the point where it plays."""
+    started = []
+
+    def start(*arguments, **options):
+        started.append(arguments)
+        raise typer.Exit
+
+    monkeypatch.setattr(study, "run", start)
+    monkeypatch.setattr(sweep, "sweep", start)
+    code, _, err = touchstone(line.removeprefix("touchstone "))
+    assert (code, len(started)) == (0, 1), err
+
+
+@pytest.mark.parametrize(("page", "change"), CHANGES)
+def test_a_named_setting_exists(page, change):
+    """A change that a text names is one of some engine, with values that it takes."""
+    key, _, values = change.partition("=")
+    for value in values.split(","):
+        accepted = []
+        for engine in ("reference", "dart", "bullet", "mujoco"):
+            profile = next(p for p in settings_of(engine).profiles if not settings_of(engine).is_bare(p))
+            with suppress(SettingError):
+                accepted.append(changes_of(engine, profile, [f"{key}={value}"]))
+        assert accepted, f"{page}: --set {key}={value}"

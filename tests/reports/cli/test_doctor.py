@@ -1,7 +1,5 @@
 """What `touchstone doctor` says of the compile cache."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

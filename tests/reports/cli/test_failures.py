@@ -1,7 +1,5 @@
 """What goes wrong in a run: rows with their reason, exit codes that mean something."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -22,8 +20,7 @@ from touchstone.reports.verdict.limits import Limit
 from touchstone.scenarios.catalogue import catalogue
 
 pytestmark = pytest.mark.usefixtures("unpictured")
-REFERENCE = ("--engine", "reference")
-RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
+RUN = "run ball_snip --engine reference --profile balanced"
 
 
 @pytest.fixture
@@ -51,14 +48,14 @@ def test_lost_samples_are_refused_or_held(touchstone, added, registry, hand_over
         return lambda: replace(good, name="broken", trackers=(replace(glove, positions=places),))
 
     hand_over(recording)
-    run = ("run", "broken", *REFERENCE, "--profile", "balanced", "--metric", "overlap.max", "--out", "out")
+    run = "run broken --engine reference --profile balanced --metric overlap.max --out out"
     added(losing(5, 6, 9))
-    code, out, err = touchstone(*run)
+    code, out, err = touchstone(run)
     assert (code, out) == (2, "")
     reported = "scenario 'broken': trackers[0].positions[5]: found nan, expected finite numbers"
     assert err.splitlines()[0].endswith(reported)
     assert left(tmp_path) == []
-    code, out, err = touchstone(*run, "--hold-last")
+    code, out, err = touchstone(f"{run} --hold-last")
     assert code == 0
     count = len(glove.times)
     assert f"broken: trackers[0] holds its last good sample at 3 of {count} keyframes\n" in err
@@ -66,7 +63,7 @@ def test_lost_samples_are_refused_or_held(touchstone, added, registry, hand_over
     assert manifest["scenarios"]["broken"]["held_samples"] == [3]
     # there is nothing to hold before the first good one
     added(losing(0))
-    code, out, err = touchstone(*run, "--hold-last")
+    code, out, err = touchstone(f"{run} --hold-last")
     assert (code, "trackers[0].positions[0]: found nan" in err) == (2, True)
 
 
@@ -75,7 +72,7 @@ def test_a_tracker_that_starts_stuck_is_told(touchstone, added, lab):
     walls = [lab.block(f"wall_{s}", (0.5, 0.5, 3.0), (0.0, 0.6 * s, 0.0), kind="fixed") for s in (-1, 1)]
     person = lab.person()
     added(lambda: replace(person, name="stuck", bodies=(*person.bodies, *walls)))
-    code, out, _ = touchstone("run", "stuck", *REFERENCE, "--profile", "balanced", "--format", "csv")
+    code, out, _ = touchstone("run stuck --engine reference --profile balanced --format csv")
     rows = list(csv.DictReader(io.StringIO(out)))
     assert code == 5
     assert [(row["metric"], row["verdict"]) for row in rows] == [("run", "error")]
@@ -88,7 +85,7 @@ def test_a_broken_limit_is_exit_1(touchstone, quick, monkeypatch, left):
     impossible = Limit("time.frame.median", 0.0, "nothing takes no time")
     monkeypatch.setattr(limits, "LIMITS", (impossible,))
     monkeypatch.setattr(failings, "known", dict)
-    code, out, _ = touchstone(*RUN, "--out", "r")
+    code, out, _ = touchstone(f"{RUN} --out r")
     assert code == 1
     assert "fail: reference balanced: time.frame.median" in out
     assert "nothing takes no time" in " ".join(out.split())
@@ -100,28 +97,27 @@ def test_an_engine_that_dies_is_exit_5(touchstone, monkeypatch):
     said = "died during 'play': signal SIGSEGV"
     crash = lambda self, jobs, progress: [Outcome(job, "error", said) for job in jobs]  # noqa: E731
     monkeypatch.setattr(study.Children, "play", crash)
-    code, out, _ = touchstone(*RUN, "--out", "r", "--format", "json")
+    code, out, _ = touchstone(f"{RUN} --out r --format json")
     rows = json.loads(out)
     assert code == 5
     assert [(row["metric"], row["verdict"], row["reason"]) for row in rows] == [("run", "error", said)]
-    code, out, err = touchstone(*RUN, "--out", "s", "--quiet")
-    assert (code, out, err) == (5, "", f"error: ball_snip reference balanced: {said}\n")
+    quiet = touchstone(f"{RUN} --out s --quiet")
+    assert quiet == (5, "", f"error: ball_snip reference balanced: {said}\n")
 
 
 @pytest.mark.parametrize(("named", "wanted"), [(False, 0), (True, 3)])
 def test_a_missing_engine_is_skipped_with_a_hint(touchstone, quick, monkeypatch, named, wanted):
     """A missing engine is a skipped row with pip's hint: exit 0 by default, 3 when asked for by name."""
     monkeypatch.setattr(study, "installed", lambda name: name == "reference")
-    chosen = ["--engine", "reference", "--engine", "mujoco"] if named else []
-    options = ("--profile", "balanced", "--profile", "recommended", "--out", "r")
-    code, out, err = touchstone("run", "ball_snip", *chosen, *options)
+    run = "run ball_snip --profile balanced --profile recommended"
+    run += " --engine reference --engine mujoco" if named else ""
+    code, out, err = touchstone(f"{run} --out r")
     assert code == wanted
     for name in ("mujoco",) if named else ("dart", "bullet", "mujoco"):
         assert f"missing: {name} recommended: {missing_reason(name)}" in out
     assert "Traceback" not in err
-    code, out, err = touchstone("run", "ball_snip", *chosen, *options[:-1], "s", "--quiet")
     said = f"missing: mujoco: {missing_reason('mujoco')}\n" if named else ""
-    assert (code, out, err) == (wanted, "", said)
+    assert touchstone(f"{run} --out s --quiet") == (wanted, "", said)
 
 
 @pytest.mark.parametrize(
@@ -165,11 +161,11 @@ def test_an_engine_that_cannot_be_imported_is_exit_3(touchstone, monkeypatch, re
 
     monkeypatch.setattr(study.Children, "play", play)
     monkeypatch.setattr(study, "installed", lambda name: name in ("reference", "mujoco"))
-    options = ("--profile", "balanced", "--profile", "recommended", "--metric", "overlap.max")
-    code, out, _ = touchstone("run", "ball_snip", *options, "--out", "r")
+    run = "run ball_snip --profile balanced --profile recommended --metric overlap.max"
+    code, out, _ = touchstone(f"{run} --out r")
     assert code == 3
     assert f"unimportable: mujoco recommended: {said}" in " ".join(out.split())
-    quiet = touchstone("run", "ball_snip", *options, "--out", "s", "--quiet")
+    quiet = touchstone(f"{run} --out s --quiet")
     assert quiet == (3, "", f"unimportable: mujoco: {said}\n")
     assert "overlap.max" in out
 
@@ -179,25 +175,22 @@ def test_a_run_without_its_judge_says_so(touchstone, quick, monkeypatch):
     for name in [name for name in sys.modules if name.startswith("touchstone.adapters.oracles")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "coal", None)
-    code, out, err = touchstone(*RUN, "--out", "r", "--format", "json")
+    code, out, err = touchstone(f"{RUN} --out r --format json")
     rows = json.loads(out)
     assert code == 4
     assert "overlap, gaps and passages cannot be judged: " in err
     assert {r["metric"] for r in rows if r["verdict"] == "unjudged"} >= {"overlap.max", "overlap.tunnelled"}
     for row in rows:
         assert not (row["metric"].startswith(("overlap.", "contact.gap")) and row["verdict"] == "pass")
-    shown = " ".join(touchstone(*RUN, "--out", "s")[1].split())
+    shown = " ".join(touchstone(f"{RUN} --out s")[1].split())
     assert re.search(r"unjudged: \S.*overlap\.max, .*: import of coal halted", shown)
-    code, out, err = touchstone(*RUN, "--out", "t", "--quiet")
-    assert (code, out, len(err.splitlines())) == (
-        4,
-        "",
-        len({r["reason"] for r in rows if r["verdict"] == "unjudged"}),
-    )
+    code, out, err = touchstone(f"{RUN} --out t --quiet")
+    reasons = {row["reason"] for row in rows if row["verdict"] == "unjudged"}
+    assert (code, out, len(err.splitlines())) == (4, "", len(reasons))
     assert err.startswith("unjudged: some figures: ")
     assert "import of coal halted" in err
-    for name in ("robustness", "predictability"):
-        code, _, err = touchstone("study", name)
+    for command in ("study robustness", "study predictability"):
+        code, _, err = touchstone(command)
         assert (code, "cannot be judged" in err) == (4, True)
 
 
@@ -210,7 +203,7 @@ def test_unresolved_contacts_are_one_warning(touchstone, hand_over, registry):
     work[[11, 12], recording.work_names.tolist().index("dropped_time")] = 1e-3
 
     hand_over(replace(recording, work=work))
-    code, out, err = touchstone(*RUN, "--out", "r")
+    code, out, err = touchstone(f"{RUN} --out r")
     reported = [line for line in err.splitlines() if "warning" in line]
     assert len(reported) == 1
     start = "warning: reference balanced ball_snip: contact solve left 3e-05 m/s in frame 12"
@@ -218,10 +211,10 @@ def test_unresolved_contacts_are_one_warning(touchstone, hand_over, registry):
     assert "0.002 s were not simulated, most of it in frame 12" in reported[0]
     assert code == 1
     assert "fail: reference balanced: solver.residual" in out
-    code, out, err = touchstone(*RUN, "--metric", "overlap.max", "--out", "s", "--format", "json")
+    code, out, err = touchstone(f"{RUN} --metric overlap.max --out s --format json")
     assert [line.startswith(start) for line in err.splitlines() if "warning" in line] == [True]
     assert {row["metric"] for row in json.loads(out)} == {"overlap.max"}
-    quiet = touchstone(*RUN, "--out", "t", "--quiet")[2].splitlines()
+    quiet = touchstone(f"{RUN} --out t --quiet")[2].splitlines()
     assert [line.partition(": ")[0] for line in quiet] == ["fail"] * len(quiet)
 
 
@@ -234,7 +227,7 @@ def test_a_failed_run_keeps_its_recording(touchstone, hand_over, registry, left)
     work[39, recording.work_names.tolist().index("residual")] = 0.5
 
     hand_over(replace(recording, ended=said, work=work), said)
-    code, out, err = touchstone(*RUN, "--out", "r", "--format", "json")
+    code, out, err = touchstone(f"{RUN} --out r --format json")
     assert code == 5
     assert [(row["verdict"], row["reason"]) for row in json.loads(out)] == [("error", said)]
     # why it failed is worth a warning, too

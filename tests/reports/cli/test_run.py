@@ -1,7 +1,5 @@
 """`touchstone run`: whole folders, output for machines, settings and commands that are told."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -18,13 +16,12 @@ from touchstone.reports.runner import request
 from touchstone.reports.verdict.rows import NEEDED, measured
 from touchstone.scenarios.catalogue import catalogue
 
-REFERENCE = ("--engine", "reference")
-RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
+RUN = "run ball_snip --engine reference --profile balanced"
 
 
 def test_a_run_writes_a_whole_folder(touchstone, handed_over, tmp_path, left):
     """A run leaves table, CSV, manifest, report, recordings and outputs, and nothing beside them."""
-    code, out, err = touchstone(*RUN, "--out", "here/results")
+    code, out, err = touchstone(f"{RUN} --out here/results")
     assert code == 0
     assert left(tmp_path) == ["here"]
     assert left("here") == ["results"]
@@ -36,7 +33,7 @@ def test_a_run_writes_a_whole_folder(touchstone, handed_over, tmp_path, left):
     assert "overlap.max" in out
     assert err.splitlines()[0] == "scene 1 of 1: ball_snip"
     manifest = json.loads(Path("here/results/manifest.json").read_text())
-    assert manifest["command"] == " ".join(["touchstone", *RUN, "--out", "here/results"])
+    assert manifest["command"] == f"touchstone {RUN} --out here/results"
     assert manifest["engines"]["ball_snip/reference/balanced"]["engine"] == "reference"
     report = Path("here/results/report.md").read_text()
     results = pd.read_csv("here/results/results.csv")
@@ -49,7 +46,7 @@ def test_a_run_writes_a_whole_folder(touchstone, handed_over, tmp_path, left):
 @pytest.mark.parametrize("form", ["json", "csv"])
 def test_machine_output_parses_and_stands_alone(touchstone, quick, form):
     """Standard output is the table and nothing else, columns in order, with every digit of the file's."""
-    code, out, _ = touchstone(*RUN, "--out", "r", "--format", form)
+    code, out, _ = touchstone(f"{RUN} --out r --format {form}")
     assert code == 0
     rows = json.loads(out) if form == "json" else list(csv.DictReader(io.StringIO(out)))
     assert all(tuple(row) == COLUMNS for row in rows)
@@ -69,11 +66,11 @@ def test_a_study_is_printed_for_machines(touchstone, monkeypatch):
     from touchstone.reports.studies.calibration import study as calibration
 
     tiny = {"restitutions": (0.5,), "speeds": (2.0,), "frictions": (0.3,), "ladder": (), "steps": ()}
-    monkeypatch.setattr(
-        calibration, "Requested", partial(calibration.Requested, pairs=("sphere-box",), **tiny)
+    requested = partial(calibration.Requested, pairs=("sphere-box",), **tiny)
+    monkeypatch.setattr(calibration, "Requested", requested)
+    code, out, err = touchstone(
+        "study calibration --engine reference --profile balanced --format csv --out r --quiet"
     )
-    arguments = ("--engine", "reference", "--profile", "balanced", "--format", "csv", "--out", "r", "--quiet")
-    code, out, err = touchstone("study", "calibration", *arguments)
     assert (code, err) == (0, "")
     frame = pd.read_csv(io.StringIO(out))
     achieved = frame[frame.metric == "restitution.achieved"]
@@ -83,7 +80,7 @@ def test_a_study_is_printed_for_machines(touchstone, monkeypatch):
 
 def test_quiet_says_nothing(touchstone, quick):
     """`--quiet` prints neither progress nor table."""
-    assert touchstone(*RUN, "--out", "r", "--quiet") == (0, "", "")
+    assert touchstone(f"{RUN} --out r --quiet") == (0, "", "")
 
 
 def test_what_is_not_asked_is_not_measured(registry):
@@ -99,18 +96,8 @@ def test_what_is_not_asked_is_not_measured(registry):
 
 def test_changed_settings_are_told_everywhere(touchstone, tmp_path, left):
     """File results under profile and changes, in rows, table, recordings, report and manifest."""
-    changed = (
-        "--profile",
-        "balanced",
-        "--set",
-        "event_rows=100.0",
-        "--set",
-        "removal=eq1",
-        "--set",
-        "depth=exact",
-    )
-    arguments = ("run", "fall", *REFERENCE, "--out", "r", "--metric", "overlap.max")
-    code, out, _ = touchstone(*arguments, *changed)
+    changed = "--profile balanced --set event_rows=100.0 --set removal=eq1 --set depth=exact"
+    code, out, _ = touchstone(f"run fall --engine reference --out r --metric overlap.max {changed}")
     label = "balanced, depth=exact, event_rows=100"
     assert code == 0
     assert "depth=exact" in out
@@ -125,16 +112,13 @@ def test_changed_settings_are_told_everywhere(touchstone, tmp_path, left):
 def test_differences_are_shown_again_by_their_commands(touchstone, registry, tmp_path, left):
     """Tell two engines apart in the page and a picture, and get the same value from the command it names."""
     registry.engine("mujoco")
-    engines = ("--engine", "reference", "--engine", "mujoco")
-    profiles = ("--profile", "balanced", "--profile", "recommended")
-    wanted = (*engines, *profiles, "--metric", "energy.loss")
-    code, _, _ = touchstone("run", "fall", *wanted, "--out", "r", "--quiet")
-    assert code == 0
+    asked = "--engine reference --engine mujoco --profile balanced --profile recommended"
+    assert touchstone(f"run fall {asked} --metric energy.loss --out r --quiet")[0] == 0
     assert "energy.png" in left("r")
     line = next(line for line in Path("r/report.md").read_text().splitlines() if "`energy.loss`" in line)
-    reported = line.split("| ")[-1].strip(" |`").split()
-    assert reported[:3] == ["touchstone", "run", "fall"]
-    assert touchstone(*reported[1:], "--out", "again", "--quiet")[0] == 0
+    reported = line.split("| ")[-1].strip(" |`")
+    assert reported.startswith("touchstone run fall ")
+    assert touchstone(f"{reported.removeprefix('touchstone ')} --out again --quiet")[0] == 0
     once, again = (pd.read_csv(f"{folder}/results.csv") for folder in ("r", "again"))
     assert again.engine.tolist() == ["mujoco"]
     assert again.value.tolist() == once.value[once.engine == "mujoco"].tolist()
@@ -142,12 +126,12 @@ def test_differences_are_shown_again_by_their_commands(touchstone, registry, tmp
 
 def test_asking_twice_is_asking_once(touchstone, quick):
     """Engines, profiles and scenes named twice are played once."""
-    again = ("ball_snip", "--engine", "reference", "--profile", "balanced", "--metric", "overlap.max")
-    _, out, _ = touchstone(*RUN, *again, "--out", "r", "--format", "json")
+    again = "ball_snip --engine reference --profile balanced"
+    _, out, _ = touchstone(f"{RUN} {again} --metric overlap.max --out r --format json")
     assert len(json.loads(out)) == 1
 
 
-def test_a_long_run_is_refused_unless_it_is_asked_for(touchstone, quick, monkeypatch, tmp_path):
+def test_a_long_run_is_refused_unless_it_is_asked_for(touchstone, refused, quick, monkeypatch, tmp_path):
     """Exit 2, one line and no folder; with --yes it plays."""
     monkeypatch.setattr(request, "LONGEST", -1.0)
     monkeypatch.setattr(request, "FIRST_SECONDS", 0.0)
@@ -159,9 +143,7 @@ def test_a_long_run_is_refused_unless_it_is_asked_for(touchstone, quick, monkeyp
         return play(self, jobs, progress)
 
     monkeypatch.setattr(study.Children, "play", slow)
-    run = ("run", "fall", "--engine", "reference", "--profile", "balanced", "--quiet", "--out", "new")
-    code, out, err = touchstone(*run)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "--yes plays them" in err
+    run = "run fall --engine reference --profile balanced --quiet --out new"
+    assert "--yes plays them" in refused(run)
     assert not list(tmp_path.iterdir())
-    assert touchstone(*run, "--yes")[0] == 0
+    assert touchstone(f"{run} --yes")[0] == 0

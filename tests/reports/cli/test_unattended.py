@@ -1,11 +1,12 @@
-"""Runs that nobody watches: signals, streams, locales, collisions, faults of the program itself."""
+"""Runs that nobody watches, and their folders: signals, streams, locales, collisions, full disks, faults."""
 
-from __future__ import annotations
-
+import errno
 import os
+import shlex
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pandas as pd
@@ -17,22 +18,30 @@ from touchstone.reports.cli.options import folder_of_now, version
 from touchstone.reports.output_folder import OutputError, output_folder
 from touchstone.reports.run import study
 
-RUN = ("run", "ball_snip", "--engine", "reference", "--profile", "balanced")
+RUN = "run ball_snip --engine reference --profile balanced"
 CALL = "import sys; sys.argv[0] = 'touchstone'; from touchstone.reports.cli.main import main; main()"
-# whoever runs the tests may ignore SIGHUP, as nohup does
-HEARD = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL); "
+# whoever runs the tests may ignore SIGHUP, as nohup does, or SIGINT, as what runs in the background
+HEARD = (
+    "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL); "
+    "signal.signal(signal.SIGINT, signal.default_int_handler); "
+)
 
 
-def program(*arguments, **options):
+def program(command, stdout=None):
     """Start the program in a session of its own."""
-    command = [sys.executable, "-c", HEARD + CALL, *map(str, arguments)]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True, **options)
+    return subprocess.Popen(
+        [sys.executable, "-c", HEARD + CALL, *shlex.split(command)],
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_signal_ends_a_run_as_ctrl_c_does(tmp_path, left, number, code):
     """SIGTERM and SIGHUP end a run with one line, the signal's exit code, and no folder left."""
-    running = program(*RUN, "--out", tmp_path / "r")
+    running = program(f"{RUN} --out '{tmp_path}/r'")
     assert "scene 1 of 1: ball_snip" in running.stderr.readline()
     os.kill(running.pid, number)
     _, err = running.communicate(timeout=60)
@@ -43,12 +52,12 @@ def test_a_signal_ends_a_run_as_ctrl_c_does(tmp_path, left, number, code):
 
 def test_a_killed_run_leaves_nothing_to_its_successor(tmp_path, left, touchstone, quick):
     """Kill -9 leaves a hidden folder; the next run in the same place removes it and finishes."""
-    running = program(*RUN, "--out", tmp_path / "r")
+    running = program(f"{RUN} --out '{tmp_path}/r'")
     running.stderr.readline()
     running.kill()
     running.communicate()
     assert left(tmp_path) == [".r.touchstone-part"]
-    assert touchstone(*RUN, "--out", tmp_path / "s", "--quiet")[0] == 0
+    assert touchstone(f"{RUN} --out s --quiet")[0] == 0
     assert left(tmp_path) == ["s"]
 
 
@@ -75,7 +84,7 @@ def test_an_interrupted_sweep_says_what_is_kept(name, code):
     assert (done.returncode, done.stderr.splitlines()[-1]) == (code, line)
 
 
-def test_two_runs_do_not_collide(tmp_path, touchstone, left):
+def test_two_runs_do_not_collide(tmp_path, refused, left):
     """A second run into a folder that is being written is refused at once; default names differ."""
     with output_folder(tmp_path / "r") as part:
         (part / "kept.txt").write_text("kept")
@@ -84,8 +93,7 @@ def test_two_runs_do_not_collide(tmp_path, touchstone, left):
             output_folder(tmp_path / "r"),
         ):
             pass
-        code, _, err = touchstone(*RUN, "--out", tmp_path / "r")
-        assert (code, err.count("\n")) == (2, 1)
+        assert "another run that is still alive writes it" in refused(f"{RUN} --out r")
     assert left(tmp_path / "r") == ["kept.txt"]
     other = subprocess.run(
         [sys.executable, "-c", "from touchstone.reports.cli.options import folder_of_now as f; print(f())"],
@@ -126,14 +134,12 @@ def test_closed_or_full_streams_are_no_traceback(closed, tmp_path):
     assert "Traceback" not in done.stderr
 
 
-def test_a_reader_that_stops_and_a_full_output_have_their_codes():
-    """`| head` is exit 141 in silence, a full standard output exit 2 with one line."""
-    running = program("list", "scenarios", stdout=subprocess.PIPE)
+@pytest.mark.parametrize("command", ["list scenarios", "show ball_snip --format json"])
+def test_a_reader_that_stops_is_no_error(command):
+    """`| head` is exit 141 in silence."""
+    running = program(command, stdout=subprocess.PIPE)
     running.stdout.close()  # as head does after its lines
     assert (running.wait(), running.stderr.read()) == (141, "")
-    line = f'"{sys.executable}" -c "{CALL}" list scenarios > /dev/full'
-    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (2, "touchstone: standard output: No space left on device\n")
 
 
 def test_an_internal_error_has_its_code_and_a_file(touchstone, monkeypatch, tmp_path):
@@ -144,7 +150,7 @@ def test_an_internal_error_has_its_code_and_a_file(touchstone, monkeypatch, tmp_
         raise ZeroDivisionError("a fault\nof two lines")
 
     monkeypatch.setattr(study, "run", fails)
-    code, out, err = touchstone(*RUN, "--out", "r")
+    code, out, err = touchstone(f"{RUN} --out r")
     assert (code, out, err.count("\n")) == (70, "", 1)
     start, _, path = err.partition(" (traceback: ")
     assert start == "touchstone: internal error: ZeroDivisionError: a fault"
@@ -160,7 +166,7 @@ def test_measurements_survive_a_page_that_fails(touchstone, quick, monkeypatch):
         raise KeyError("cell")
 
     monkeypatch.setattr(study, "report", fails)
-    code, _, err = touchstone(*RUN, "--out", "r", "--quiet")
+    code, _, err = touchstone(f"{RUN} --out r --quiet")
     assert code == 70
     assert err == "report.md could not be written; results are stored: KeyError: 'cell'\n"
     assert len(pd.read_parquet("r/results.parquet")) > 20
@@ -169,15 +175,15 @@ def test_measurements_survive_a_page_that_fails(touchstone, quick, monkeypatch):
 
 def test_one_line_per_scene_off_a_terminal(touchstone, quick):
     """Progress in a file: a line per scene and not one per engine and command."""
-    _, _, err = touchstone(*RUN, "fall", "--out", "r")
+    _, _, err = touchstone(f"{RUN} fall --out r")
     assert err.splitlines()[:2] == ["scene 1 of 2: ball_snip", "scene 2 of 2: fall"]
 
 
 def test_version_help_and_completion(touchstone, monkeypatch):
     """`--version` prints one line, `-h` is `--help` in every command, and shells can complete names."""
     assert touchstone("--version") == (0, f"touchstone {version()}\n", "")
-    for command in ([], ["run"], ["study"], ["study", "agreement"]):
-        assert touchstone(*command, "-h") == touchstone(*command, "--help")
+    for command in ("", "run", "study", "study convergence"):
+        assert touchstone(f"{command} -h") == touchstone(f"{command} --help")
     monkeypatch.setenv("_TOUCHSTONE_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", "touchstone do")
     monkeypatch.setenv("COMP_CWORD", "1")
@@ -189,18 +195,104 @@ def test_version_help_and_completion(touchstone, monkeypatch):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
 @pytest.mark.parametrize(
     ("redirected", "code", "said"),
-    [
-        ("2>&1 | true", 141, ""),
-        ("> /dev/full", 2, "touchstone: standard output: No space left on device"),
-    ],
+    [("2>&1 | true", 141, ""), ("> /dev/full", 2, "touchstone: standard output: No space left on device")],
 )
 def test_results_outlive_their_reader(tmp_path, redirected, code, said):
     """Results are stored where standard output is closed or full while scenes are shown; the code says so."""
-    call = f'"{sys.executable}" -c "{CALL}" {" ".join(("run", "fall", *RUN[2:]))} --out r'
+    call = f'"{sys.executable}" -c "{CALL}" {RUN.replace("ball_snip", "fall")} --out r'
     line = f"set -o pipefail; {call} {redirected}"
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, cwd=tmp_path)
-    assert (done.returncode, [text for text in done.stderr.splitlines() if text.startswith("touch")]) == (
-        code,
-        [said] if said else [],
-    )
+    errors = [text for text in done.stderr.splitlines() if text.startswith("touch")]
+    assert (done.returncode, errors) == (code, [said] if said else [])
     assert len(pd.read_parquet(tmp_path / "r" / "results.parquet")) > 20
+
+
+def test_a_folder_in_use_is_refused(refused, tmp_path, left):
+    """A folder that is not empty, or a file, is refused in one line before anything is played; it stays."""
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "thesis.txt").write_text("kept")
+    for out in ("full", "full/thesis.txt"):
+        assert refused(f"{RUN} --out {out}") == f"--out {out}: exists and is not an empty folder"
+    assert (full / "thesis.txt").read_text() == "kept"
+    assert left(tmp_path) == ["full"]
+
+
+@pytest.mark.parametrize("out", ["file/below", ".", "..", "file/deep/er"])
+def test_a_folder_that_cannot_be_is_one_line(refused, tmp_path, out, left):
+    """A place where no folder can be is exit 2 and one line, and nothing is left."""
+    (tmp_path / "file").write_text("a file")
+    assert refused(f"{RUN} --out {out}").startswith(f"--out {out}: ")
+    assert left(tmp_path) == ["file"]
+
+
+def test_a_full_disk_leaves_nothing_half_written(refused, quick, monkeypatch, tmp_path, left):
+    """When the disk fills up while results are written: exit 2, one line, no part of the folder."""
+
+    def full(self, path, **options):
+        Path(path).write_bytes(b"half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(pd.DataFrame, "to_parquet", full)
+    assert refused(f"{RUN} --out r --quiet") == "--out r: No space left on device"
+    assert left(tmp_path) == []
+
+
+MARKER = "scene 1 of 1: ball_snip"
+
+
+def interrupted(tmp_path, delay):
+    """Run two engines in a session of their own, and send all of it SIGINT `delay` seconds after it prints
+    MARKER."""
+    command = f"run ball_snip --engine reference --engine mujoco --out '{tmp_path}/r'"
+    running = program(command, stdout=subprocess.PIPE)
+    reported = []
+    for line in running.stderr:
+        reported.append(line)
+        if MARKER in line:
+            break
+    time.sleep(delay)
+    os.killpg(running.pid, signal.SIGINT)
+    out, err = running.communicate(timeout=60)
+    return running, out, reported, err.splitlines()
+
+
+def alive(session):
+    """Processes of a session that still run."""
+    found = []
+    for process in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == session and fields[0] not in "ZX":
+            found.append(int(process))
+    return found
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.0])
+def test_ctrl_c_ends_everything_in_one_line(tmp_path, delay, left):
+    """Ctrl-C, while children start or load their engines: exit 130, one line, no folder, no child left."""
+    running, out, reported, err = interrupted(tmp_path, delay)
+    assert running.returncode == 130
+    assert out == ""
+    # progress that was told meanwhile, then the one line
+    assert err[-1] == "touchstone: interrupted; nothing was written"
+    assert all(line.startswith(("scene ", "compiling ")) for line in err[:-1])
+    assert MARKER in reported[-1]
+    assert left(tmp_path) == []
+    # multiprocessing's own tracker of resources ends a moment after its parent
+    patience = time.monotonic() + 5
+    while alive(running.pid) and time.monotonic() < patience:
+        time.sleep(0.02)
+    assert alive(running.pid) == []
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
+@pytest.mark.parametrize("command", ["list engines", "show wall_push --format json"])
+def test_output_to_a_full_disk_is_one_line(command):
+    """When standard output is full: exit 2 and one line, whether the write fails at once or at the end."""
+    with open("/dev/full", "w") as full:
+        running = program(command, stdout=full)
+    _, err = running.communicate(timeout=60)
+    assert (running.returncode, err) == (2, "touchstone: standard output: No space left on device\n")

@@ -1,18 +1,10 @@
 """Touch, roll and leave, on motions whose events are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from touchstone.reports.metrics.context import Context, NotMeasured
-from touchstone.reports.metrics.motion.events import (
-    OPEN_GAP,
-    PART_GAP,
-    ROLL_SLIP,
-    TOUCH_GAP,
-    bounces,
-)
+from touchstone.reports.metrics.motion.events import OPEN_GAP, PART_GAP, ROLL_SLIP, TOUCH_GAP, bounces
 from touchstone.scenarios.scenario import Body, Expectation, Piece, Sphere
 from touchstone.scenarios.solids import sphere_inertia
 

@@ -1,7 +1,5 @@
 """Contact forces, the work of drivers, and gaps of carried bodies, on contact rows written by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

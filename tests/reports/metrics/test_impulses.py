@@ -1,7 +1,5 @@
 """Energy, impulse balance and Coulomb's law on contact rows written by hand."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Metrics of joints between bodies on motions that are known: drift, turns, limits, springs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The METRICS table: every metric is named, dimensioned, explained, and runs over a real recording."""
 
-from __future__ import annotations
-
 import re
 import sys
 from math import isfinite, isnan

@@ -1,7 +1,5 @@
 """Momentum and energy of isolated and conservative scenes, kept and broken by known amounts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Overlap and hovering of known size; passages have a file of their own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

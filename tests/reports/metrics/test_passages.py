@@ -1,7 +1,5 @@
 """Passages on recordings made by hand: what is on the other side after having been apart counts, no more."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, pi, sin
 

@@ -1,7 +1,5 @@
 """Joint limits, reach cones and speeds of a person, against closed forms and sampling."""
 
-from __future__ import annotations
-
 from math import radians
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Deviation from the tracked posture in closed form, and against the best known one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a solver left unresolved: metrics, their limits, and the one warning of a run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Metrics against the closed form, on recordings that follow it, and that leave it by a known amount."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 

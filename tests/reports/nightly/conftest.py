@@ -1,7 +1,5 @@
 """Nights that nobody measured."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """`touchstone nightly`: continues what was killed, stores once, and reports what changed."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
@@ -71,18 +69,16 @@ def test_all_families_have_their_turn():
     assert {study.name for study in studies(3, quick=False)} >= {HARD, "calibration", "relations"}
 
 
-def _hard(name, engine="mujoco", verdict=""):
-    return Row(
-        HARD, "hard_mass_1e6", engine, "recommended", 1 / 540, OUTCOME, 1e6, subject=name, verdict=verdict
-    )
+def _hard(name):
+    return Row(HARD, "hard_mass_1e6", "mujoco", "recommended", 1 / 540, OUTCOME, 1e6, subject=name)
 
 
 def test_rows_are_kept_without_times_and_with_their_step():
     """Times are left out, several steps become part of the subject, classes become numbers."""
-    base = ("agreement", "fall", "mujoco", "recommended")
+    base = ("convergence", "fall", "mujoco", "recommended")
     rows = [
-        Row(*base, 1 / 60, "agreement.error", 1e-3, "m"),
-        Row(*base, 1 / 240, "agreement.error", 1e-4, "m"),
+        Row(*base, 1 / 60, "convergence.error", 1e-3, "m"),
+        Row(*base, 1 / 240, "convergence.error", 1e-4, "m"),
         Row(*base, 1 / 240, "time.frame", 1e-4, "s"),
         _hard("ok"),
         Row(HARD, "mass", "mujoco", "recommended", 1 / 540, "stability.survived", 3.0, subject="jitter"),
@@ -115,12 +111,9 @@ def test_what_the_accepted_night_lacks_is_compared_with_one_that_had_it(store, n
 
 
 @pytest.fixture
-def program(monkeypatch, tmp_path, nights, capfd):
-    """Call the program with two scenes that cost nothing: (exit code, stdout, stderr)."""
-    from touchstone.reports.cli import main as cli
-
+def program(monkeypatch, tmp_path, nights, touchstone):
+    """Call the program with two scenes that cost nothing: (exit code, stdout, stderr, what was played)."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
     chosen = (catalogue()["fall"], catalogue()["slip"])
     monkeypatch.setattr(module, "scenes", lambda quick: chosen)
     monkeypatch.setattr(module, "studies", lambda turn, quick: [Study("robustness", 2, 1.0, study)])
@@ -146,20 +139,16 @@ def program(monkeypatch, tmp_path, nights, capfd):
         state.clear()
         state.update(changes)
         played.clear()
-        monkeypatch.setattr(sys, "argv", ["touchstone", *arguments])
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return (end.value.code or 0, *capfd.readouterr(), list(played))
+        return (*touchstone(*arguments), list(played))
 
     return call
 
 
 def test_a_killed_night_is_continued(program, tmp_path):
     """Scenes that were finished are not measured again; the night is stored once, the work folder is gone."""
-    code, _, err, played = program("nightly", "--quick", dies="slip")
+    code, _, err, played = program("nightly --quick", dies="slip")
     assert (code, played) == (130, ["fall", "slip"])
-    code, out, err, played = program("nightly", "--quick")
+    code, out, err, played = program("nightly --quick")
     assert (code, played) == (0, ["slip", "study"])
     assert "continued a night: 1 scenes were measured before" in err
     assert "First night of these settings" in out
@@ -169,74 +158,68 @@ def test_a_killed_night_is_continued(program, tmp_path):
 
 def test_two_nights_at_once_measure_for_themselves(program, tmp_path):
     """A night with another store leaves the folder of one that is alive, and stores a night of its own."""
-    assert program("nightly", "--quick", dies="slip")[0] == 130
+    assert program("nightly --quick", dies="slip")[0] == 130
     folders = list((tmp_path / "cache").glob("touchstone/nightly/unfinished/*"))
     lock = locked(folders[0])
-    code, _, err, played = program("nightly", "--quick", "--store", "other")
+    code, _, err, played = program("nightly --quick --store other")
     os.close(lock)
     assert (code, played, "continued" in err) == (0, ["fall", "slip", "study"], False)
     assert list((tmp_path / "cache").glob("touchstone/nightly/unfinished/*")) == folders
-    assert program("nightly", "--quick")[3] == ["slip", "study"]
+    assert program("nightly --quick")[3] == ["slip", "study"]
     runs = [Store(name).nights()[0].run for name in ("nights", "other")]
     assert len(set(runs)) == 2
 
 
 def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
     """A limit that breaks after a good night: exit 1 with its place; `accept` moves what is compared with."""
-    assert program("nightly", "--quick")[0] == 0
+    assert program("nightly --quick")[0] == 0
     place = "regression: fall mujoco recommended: deepest overlap (overlap.max)"
     worse = {"overlap": 1.6e-3, "verdict": "known"}
-    code, _, err, _ = program("nightly", "--quick", frame={"overlap": 1.5e-3, "verdict": "known"})
+    code, _, err, _ = program("nightly --quick", frame={"overlap": 1.5e-3, "verdict": "known"})
     assert code == 1
     assert f"{place}: 1.00 -> 1.50 mm: a known failing began" in err
-    assert program("accept", "last", "--reason", "understood")[0] == 0
-    code, out, err, _ = program("nightly", "--quick", frame=worse)
+    assert program("accept last --reason understood")[0] == 0
+    code, out, err, _ = program("nightly --quick", frame=worse)
     assert code == 1
     assert f"{place}: 1.50 -> 1.60 mm: a known failing grew" in err
     # the accepted night had no study: it is compared with the night before
     assert "3 confirmed regressions (mujoco)" in out
     last = Store("nights").nights()[-1]
     page = tmp_path / "nights" / "pages" / last.run
-    assert sorted(path.name for path in page.iterdir()) == [
-        "badge.json",
-        "junit.xml",
-        "report.html",
-        "report.md",
-    ]
+    names = sorted(path.name for path in page.iterdir())
+    assert names == ["badge.json", "junit.xml", "report.html", "report.md"]
     html = (page / "report.html").read_text("utf-8")
     assert "a known failing grew" in html
     assert "Against published values" in html
     assert json.loads((page / "badge.json").read_text())["message"] == "regression"
     code, out, *_ = program("accept", last.run, "--reason", "a trade")
     assert (code, out) == (0, f"accepted {last.run}: a trade\n")
-    assert program("nightly", "--quick", frame=worse)[0] == 0
+    assert program("nightly --quick", frame=worse)[0] == 0
 
 
 def test_physics_is_compared_across_hardware(program, monkeypatch):
     """Compare a new processor's physics with the last night, then its own; an accepted night holds on all."""
 
     def on(hardware):
-        original = identity.identity
-        monkeypatch.setattr(
-            module, "identity", lambda settings: original(settings) | {"fingerprint": hardware}
-        )
+        changed = lambda settings: identity.identity(settings) | {"fingerprint": hardware}  # noqa: E731
+        monkeypatch.setattr(module, "identity", changed)
 
     deep = {"overlap": 3e-3, "verdict": "fail"}
     on("one")
-    assert program("nightly", "--quick")[0] == 0
+    assert program("nightly --quick")[0] == 0
     on("two")
-    code, out, err, _ = program("nightly", "--quick", frame={"time": 1.0, **deep})
+    code, out, err, _ = program("nightly --quick", frame={"time": 1.0, **deep})
     assert (code, "time.frame" in err) == (1, False)
     grown = "mujoco recommended: deepest overlap (overlap.max): 1.00 -> 3.00 mm: pass -> fail"
     assert f"regression: slip {grown}" in err
     assert f"regression: random {grown}" in err
     assert "fail: slip mujoco recommended: overlap.max 0.003, limit 0.002: a reason" in err
     assert "First night on this hardware: its times have nothing to compare with." in out
-    _, out, err, _ = program("nightly", "--quick", frame=deep)
+    _, out, err, _ = program("nightly --quick", frame=deep)
     assert ("First night" in out, "regression:" in err) == (False, False)
     first = Store("nights").nights()[0].run
     assert program("accept", first, "--reason", "right")[0] == 0
-    assert "regression: fall mujoco" in program("nightly", "--quick", frame=deep)[2]
+    assert "regression: fall mujoco" in program("nightly --quick", frame=deep)[2]
 
 
 def test_what_is_missing_is_told_before_the_night(program, monkeypatch):
@@ -244,7 +227,7 @@ def test_what_is_missing_is_told_before_the_night(program, monkeypatch):
     for name in [name for name in sys.modules if name.startswith("touchstone.adapters.oracles")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "coal", None)
-    code, out, err, played = program("nightly", "--quick")
+    code, out, err, played = program("nightly --quick")
     assert (code, out, err.count("\n"), played) == (4, "", 1, [])
     assert "cannot be judged" in err
 
@@ -257,13 +240,13 @@ def test_a_night_that_nobody_reads_is_stored(program, monkeypatch):
             raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
     monkeypatch.setattr(nightly, "print", closed, raising=False)
-    code, _, err, _ = program("nightly", "--quick")
+    code, _, err, _ = program("nightly --quick")
     assert (code, "run again" in err) == (141, False)
     assert len(Store("nights").nights()) == 1
 
 
-@pytest.mark.parametrize("options", [(), ("--quick",)])
-def test_every_engine_plays(program, monkeypatch, options):
+@pytest.mark.parametrize("command", ["nightly", "nightly --quick"])
+def test_every_engine_plays(program, monkeypatch, command):
     """A night asks for all engines, quick or not."""
     from touchstone.adapters.registry import DEFAULT_ENGINES
 
@@ -275,19 +258,19 @@ def test_every_engine_plays(program, monkeypatch, options):
         return original(request, *others)
 
     monkeypatch.setattr(module, "measure_scene", measure_scene)
-    assert program("nightly", *options)[0] == 0
+    assert program(command)[0] == 0
     assert all({engine for engine, _ in columns} >= set(DEFAULT_ENGINES) for columns in asked)
     assert len(asked) == 2
 
 
 def test_a_study_is_measured_when_it_is_due(program):
     """Every second night; it is compared with the night that had it last; one that fails is due again."""
-    assert program("nightly", "--quick")[3] == ["fall", "slip", "study"]
-    assert program("nightly", "--quick")[3] == ["fall", "slip"]
-    code, _, err, played = program("nightly", "--quick", study="fails")
+    assert program("nightly --quick")[3] == ["fall", "slip", "study"]
+    assert program("nightly --quick")[3] == ["fall", "slip"]
+    code, _, err, played = program("nightly --quick", study="fails")
     assert (code, played) == (70, ["fall", "slip", "study"])
     assert "study robustness failed: ValueError: no\n" in err
-    code, _, err, played = program("nightly", "--quick", frame={"overlap": 3e-3, "verdict": "fail"})
+    code, _, err, played = program("nightly --quick", frame={"overlap": 3e-3, "verdict": "fail"})
     assert (code, played) == (1, ["fall", "slip", "study"])
     assert "random mujoco recommended: deepest overlap (overlap.max): 1.00 -> 3.00 mm: pass -> fail" in err
 
@@ -300,32 +283,32 @@ def test_a_page_that_fails_leaves_the_night(program, monkeypatch):
         raise KeyError("cell")
 
     monkeypatch.setattr(outputs, "write_page", fails)
-    code, _, err, _ = program("nightly", "--quick", "--quiet")
+    code, _, err, _ = program("nightly --quick --quiet")
     assert code == 70
     assert "report.html could not be written; the night is stored: KeyError: 'cell'" in err
     assert len(Store("nights").nights()) == 1
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("command", "said"),
     [
-        (("accept", "last", "--reason", "x"), "--store nights: no store of nights here"),
-        (("accept", "last", "--reason", " "), "--reason: say why"),
-        (("nightly", "--store", "nowhere://x"), "nowhere://x: "),
+        ("accept last --reason x", "--store nights: no store of nights here"),
+        ("accept last --reason ' '", "--reason: say why"),
+        ("nightly --store nowhere://x", "nowhere://x: "),
     ],
 )
-def test_wrong_input_is_one_line(program, arguments, said):
+def test_wrong_input_is_one_line(program, command, said):
     """Exit 2 and one line; nothing is measured."""
     if "nowhere" in said:
         pytest.importorskip("fsspec")
-    code, out, err, played = program(*arguments)
+    code, out, err, played = program(command)
     assert (code, out, err.count("\n"), played) == (2, "", 1, [])
     assert said in err
 
 
 def survives(program, *arguments):
     """Play a night; it is stored with every page, and nothing but lines on files is printed. Returns them."""
-    code, _, err, _ = program("nightly", "--quick", *arguments)
+    code, _, err, _ = program("nightly --quick", *arguments)
     assert code in (0, 1), err
     assert "Traceback" not in err
     assert "could not be written" not in err
@@ -344,9 +327,9 @@ def stored(program, two_nights, tmp_path):
     if two_nights.exists():
         shutil.copytree(two_nights, tmp_path, dirs_exist_ok=True)
         return program
-    assert program("nightly", "--quick")[0] == 0
-    assert program("accept", "last", "--reason", "good")[0] == 0
-    assert program("nightly", "--quick")[0] == 0
+    assert program("nightly --quick")[0] == 0
+    assert program("accept last --reason good")[0] == 0
+    assert program("nightly --quick")[0] == 0
     shutil.copytree(tmp_path, two_nights)
     return program
 
@@ -357,7 +340,7 @@ def test_a_forged_night_is_set_aside_or_read(stored, tmp_path, way):
     for path in sorted((tmp_path / "nights" / "runs").iterdir()):
         forge(path, way)
     survives(stored)
-    assert stored("accept", "last", "--reason", "good")[0] == 0
+    assert stored("accept last --reason good")[0] == 0
 
 
 @pytest.mark.slow
@@ -368,25 +351,25 @@ def test_forged_documents_of_a_store_are_set_aside(stored, tmp_path, text):
         table = pq.read_table(path)
         pq.write_table(table.replace_schema_metadata({KEY: text.encode()}), path)
     (tmp_path / "nights" / "accepted" / "000001.json").write_text(text)
-    assert stored("nightly", "--quick", dies="slip")[0] == 130
+    assert stored("nightly --quick", dies="slip")[0] == 130
     for path in (tmp_path / "cache").glob("touchstone/nightly/unfinished/*/fall.json"):
         path.write_text(text)
     survives(stored)
-    assert stored("accept", "last", "--reason", "good")[0] == 0
+    assert stored("accept last --reason good")[0] == 0
     for path in (tmp_path / "cache").glob("touchstone/nightly/unfinished/*/*.json"):
         path.write_text(text)
     survives(stored)
     (tmp_path / "nights" / "touchstone-store.json").write_text(text)
-    code, _, err, _ = stored("nightly", "--quick")
+    code, _, err, _ = stored("nightly --quick")
     assert (code, err.count("\n")) == (2, 1) or '"format": 1' in text
 
 
 def test_an_acceptance_that_is_set_aside_replaces_no_other(stored, tmp_path):
     """The number of a new acceptance follows from the last one."""
-    assert stored("accept", "last", "--reason", "two")[0] == 0
+    assert stored("accept last --reason two")[0] == 0
     accepted = tmp_path / "nights" / "accepted"
     (accepted / "000001.json").write_text("[]")
-    assert stored("accept", "last", "--reason", "three")[0] == 0
+    assert stored("accept last --reason three")[0] == 0
     reasons = [json.loads(path.read_text())["reason"] for path in sorted(accepted.iterdir())]
     assert reasons == ["two", "three"]
 

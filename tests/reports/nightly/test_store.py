@@ -1,7 +1,5 @@
 """The store of nights: immutable, in order, readable whatever happens to it."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

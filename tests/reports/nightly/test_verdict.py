@@ -1,7 +1,5 @@
 """Verdicts of nights: physics against the accepted night, times with their cause."""
 
-from __future__ import annotations
-
 import json
 from math import comb
 from xml.etree import ElementTree
@@ -222,11 +220,7 @@ def test_outputs_say_the_same(nights, tmp_path, monkeypatch):
     root = ElementTree.parse(tmp_path / "junit.xml").getroot()
     suites = {suite.get("name"): suite for suite in root}
     failures = {name: suite.get("failures") for name, suite in suites.items()}
-    assert failures == {
-        "fall": "0",
-        "slip": "1",
-        "nights": "1",
-    }
+    assert failures == {"fall": "0", "slip": "1", "nights": "1"}
     failure = suites["slip"].find("testcase/failure")
     assert failure.text.startswith("touchstone run slip --engine mujoco --profile recommended")
     assert suites["nights"].find("testcase/failure").get("message").endswith(EVIL)

@@ -1,7 +1,5 @@
 """A scene that two made-up engines play, and its page."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cells of the matrix: worst subject, marks of every broken limit, colours from the limit on."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,6 @@
-"""Runs that take too long or too much memory are refused before they do."""
+"""Around a run: what it costs before it is played, slow heaps, and commands that measure rows again."""
 
-from __future__ import annotations
-
+import shlex
 from dataclasses import replace
 from itertools import count
 
@@ -9,9 +8,13 @@ import pytest
 import typer
 
 from touchstone.reports.cli import main
+from touchstone.reports.cli import main as cli
 from touchstone.reports.cli.options import YesOption, measuring
+from touchstone.reports.results import Row, rows_of
+from touchstone.reports.run import ratios, study
 from touchstone.reports.runner import request as cost
-from touchstone.reports.runner.request import TooLargeError, check_memory, limited
+from touchstone.reports.runner.reproduce import reproduce
+from touchstone.reports.runner.request import Request, TooLargeError, check_memory, limited
 from touchstone.scenarios.catalogue import catalogue
 
 
@@ -84,8 +87,8 @@ def test_studies_and_sweeps_ask_before_a_long_one(clock, capfd):
     command = typer.main.get_command(main.app)
     for name in ("sweep", "cheapest", "versions"):
         assert "yes" in {one.name for one in command.commands[name].params}
-    for study in command.commands["study"].commands.values():
-        assert "yes" in {one.name for one in study.params}, study.name
+    for own in command.commands["study"].commands.values():
+        assert "yes" in {one.name for one in own.params}, own.name
     app = typer.Typer()
 
     @app.command()
@@ -98,3 +101,94 @@ def test_studies_and_sweeps_ask_before_a_long_one(clock, capfd):
     with pytest.raises(SystemExit, match="2"):
         app([], standalone_mode=False)
     assert "1000000000 steps would take about" in capfd.readouterr().err
+
+
+def test_a_slow_engine_skips_the_rest_of_a_heap(monkeypatch, tmp_path):
+    """Beyond its budget a column is skipped, with how far it came; scenes that are no heaps have none."""
+    monkeypatch.setattr(study, "HEAP_BUDGET", 1e-9)
+    scene = catalogue()["slip"]
+    chosen = (replace(scene, name="heap", tags=("heap",)), scene)
+    asked = Request(chosen, (("reference", "balanced"),), tmp_path / "run", metrics=("overlap.max",))
+    rows = rows_of(study.run(asked, lambda label, frames: None).frame)
+    (skipped,) = [row for row in rows if row.scenario == "heap"]
+    assert (skipped.metric, skipped.verdict) == ("run", "skipped")
+    assert skipped.reason.startswith("slow: its steps took ")
+    assert skipped.reason.endswith(f" of {scene.frame_count} frames")
+    assert any(row.metric == "overlap.max" for row in rows if row.scenario == "slip")
+
+
+BOTH = "--engine reference --engine mujoco --profile balanced --profile recommended"
+
+
+def row(engine: str, profile: str, dt: float, metric: str, subject: str = "") -> Row:
+    return Row("run", "fall", engine, profile, dt, metric, 1.0, subject=subject)
+
+
+OVERLAP = row("dart", "recommended", 1 / 1020, "overlap.max")
+RATIO = row("reference", "balanced", 1 / 60, "ratio.time.p99", "mujoco recommended")
+
+
+@pytest.mark.parametrize(
+    ("rows", "line"),
+    [
+        ([OVERLAP], "--engine dart --profile recommended --metric overlap.max"),
+        (
+            [replace(OVERLAP, profile="recommended, drive=torque", dt=1 / 480)],
+            "--engine dart --profile recommended --drive torque --dt 1/480 --metric overlap.max",
+        ),
+        (
+            [replace(OVERLAP, profile="recommended, solver=pgs, effects=gravity+contact")],
+            "--engine dart --profile recommended --set solver=pgs --effects gravity,contact"
+            " --metric overlap.max",
+        ),
+        ([RATIO], f"{BOTH} --metric ratio.time.p99"),
+        (
+            [replace(RATIO, subject="mujoco recommended, cone=elliptic, drive=posed")],
+            f"{BOTH} --set mujoco.cone=elliptic --drive posed --metric ratio.time.p99",
+        ),
+        (
+            [replace(RATIO, profile="equal-step", dt=1 / 240, subject="dart equal-step")],
+            "--engine reference --engine dart --profile equal-step --metric ratio.time.p99",
+        ),
+        (
+            [
+                row("reference", "balanced", 1 / 60, "time.frame.median"),
+                row("mujoco", "recommended", 1 / 540, "time.frame.median"),
+            ],
+            f"{BOTH} --metric time.frame.median",
+        ),
+        (
+            [row("all", "recommended", float("nan"), "events.touch.spread")],
+            "--profile balanced --profile recommended --metric events.touch.spread",
+        ),
+    ],
+)
+def test_every_row_has_its_command(rows, line, monkeypatch):
+    """Name scene, engines and profiles of all sides, changes, another step than the profile's, and metric."""
+    assert reproduce(*rows) == f"touchstone run fall {line}"
+    played = []
+    monkeypatch.setattr(cli, "_request", lambda *given: played.append(given) or sys_exit())
+    with pytest.raises(SystemExit):
+        cli.app(shlex.split(reproduce(*rows))[1:], standalone_mode=False)
+    assert played
+
+
+def sys_exit():
+    raise SystemExit
+
+
+def test_restarts_are_those_of_the_bench():
+    """A row of several restarts is measured again by the bench that restarts engines."""
+    assert reproduce(replace(RATIO, study="bench frame")) == "touchstone bench frame fall"
+
+
+def test_a_ratio_of_times_says_how_to_see_it(registry):
+    """The ratio's row names the command that plays both of its engines, as the page shows it."""
+    scene = catalogue()["ball_snip"]
+    columns = [
+        ratios.timed(engine, profile, first, [first.time_frame])
+        for engine, profile in (("reference", "balanced"), ("mujoco", "recommended"))
+        for first in [registry.played("ball_snip", engine)]
+    ]
+    rows = [r for r in ratios.ratio_rows("run", scene, columns, one_run=True) if r.metric == "ratio.time"]
+    assert [r.reproduce for r in rows] == [f"touchstone run ball_snip {BOTH} --metric ratio.time"]

@@ -1,64 +1,25 @@
 """Measures that need no engine, some of which end their process."""
 
-from __future__ import annotations
-
 import os
 import time
 from dataclasses import replace
 
-from touchstone.adapters.contract import AdapterError, Manifest
+from fake_world import FakeEngine
+
+from touchstone.adapters.contract import AdapterError
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.measures import Measured, base_row
 
 
 def cells(measure, count, options=()):
     """`count` cells that differ in their seeds."""
-    return [
-        Cell(
-            "fall",
-            "mujoco",
-            "recommended",
-            1 / 60,
-            seed=k,
-            measure=f"fake_measures:{measure}",
-            options=options,
-        )
-        for k in range(count)
-    ]
+    cell = Cell("fall", "mujoco", "recommended", 1 / 60, measure=f"fake_measures:{measure}", options=options)
+    return [replace(cell, seed=k) for k in range(count)]
 
 
 def load(name):
     """An engine that does nothing."""
-    return Engine()
-
-
-class Engine:
-    def build(self, scenario, settings):
-        return World(settings)
-
-
-class World:
-    def __init__(self, settings):
-        self.settings = settings
-
-    def drive(self, step): ...
-
-    def step(self): ...
-
-    def read(self, state): ...
-
-    def describe(self):
-        return Manifest("fake", "1", self.settings.profile, self.settings.dt, {}, {}, ())
-
-    def stage_seconds(self):
-        return {}
-
-    def work(self):
-        return {}
-
-    def cross(self): ...
-
-    def close(self): ...
+    return FakeEngine()
 
 
 def square(cell, scenario, engine):

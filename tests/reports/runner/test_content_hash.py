@@ -1,7 +1,5 @@
 """The content hash of a cell changes with everything that decides its result, and with nothing else."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Sweeps: every cell is measured once, whatever happens to the processes, the store or the disk."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -207,7 +205,7 @@ def test_what_ends_a_cell_is_a_row(fakes, tmp_path):
 SCRIPT = """
 import sys
 from pathlib import Path
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1].split()
 from fake_measures import cells, load
 from touchstone.reports.runner.executors import InPool
 from touchstone.reports.runner.sweep import sweep
@@ -221,11 +219,11 @@ def test_a_kill_loses_cells_in_flight_only(fakes, tmp_path, kills):
     """After kill -9 at random moments the store is sound, and the next sweep plays only what is missing."""
     script, store = tmp_path / "script.py", tmp_path / "s"
     script.write_text(SCRIPT)
-    here = str(Path(__file__).parent)
+    folders = f"{Path(__file__).parent} {Path(__file__).parents[2] / 'shared'}"
     before = None
     for moment in np.random.default_rng(15).uniform(0.0, 0.4, kills):
         files = set(store.glob("cells/*"))
-        process = subprocess.Popen([sys.executable, str(script), here, str(store)], start_new_session=True)
+        process = subprocess.Popen([sys.executable, str(script), folders, str(store)], start_new_session=True)
         while set(store.glob("cells/*.parquet")) <= files and process.poll() is None:
             time.sleep(0.01)
         time.sleep(moment)
@@ -313,9 +311,9 @@ def test_ten_thousand_cells_are_resumed_at_once(fakes, tmp_path):
 
 def test_the_measure_decides_what_a_refused_warm_up_means(fakes, monkeypatch):
     """A process whose first scene is refused still measures: the measure says what a refusal is."""
-    from fake_measures import Engine
+    from fake_world import FakeEngine
 
-    class Choosy(Engine):
+    class Choosy(FakeEngine):
         def build(self, scenario, settings):
             raise Unsupported("no balls")
 
@@ -323,5 +321,5 @@ def test_the_measure_decides_what_a_refused_warm_up_means(fakes, monkeypatch):
     (cell,) = fakes("square", 1)
     assert play_cell(Choosy(), cell).outcome == "done"
     assert executors._warm == set()
-    assert play_cell(Engine(), cell).outcome == "done"
+    assert play_cell(FakeEngine(), cell).outcome == "done"
     assert executors._warm == {"mujoco"}

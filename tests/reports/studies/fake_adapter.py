@@ -1,7 +1,5 @@
 """Adapter of a made-up engine whose distribution the tests build: `fake_physics.FACTOR` scales gravity."""
 
-from __future__ import annotations
-
 import fake_physics
 
 from touchstone.adapters.engines.simple_world import SimpleWorld

@@ -1,36 +1,22 @@
 """Engines that treat random scenes in one way each, for spawned children."""
 
-from __future__ import annotations
-
 import os
 import time
 
 import numpy as np
-from fake_world import FakeWorld
+from fake_world import FakeEngine, FakeWorld
 
-from touchstone.adapters.contract import AdapterError, Unsupported
+from touchstone.adapters.contract import AdapterError
 
 
 def load(name):
     """The engine called `name`."""
-    return Engine(name)
+    return FakeEngine(name, World)
 
 
 def load_as(fake, name):
     """The engine called `fake`, whatever name is asked for."""
-    return Engine(fake)
-
-
-class Engine:
-    """Builds worlds that do what its name says."""
-
-    def __init__(self, name):
-        self.name = name
-
-    def build(self, scenario, settings):
-        if self.name == "unsupported":
-            raise Unsupported("unsupported: no shapes")
-        return World(self.name, scenario, settings)
+    return load(fake)
 
 
 class World(FakeWorld):
@@ -70,9 +56,5 @@ class World(FakeWorld):
                     state.linear_velocity[moving] = np.nan
 
     def work(self):
-        reported = {
-            "gave_up": 0.0,
-            "dropped_time": 2e-3,
-            "residual": 1e-3 if self.fake == "stalls" else 1e-12,
-        }
-        return {} if self.fake == "silent" else reported
+        residual = 1e-3 if self.fake == "stalls" else 1e-12
+        return {} if self.fake == "silent" else {"gave_up": 0.0, "dropped_time": 2e-3, "residual": residual}

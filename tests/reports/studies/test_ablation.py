@@ -1,7 +1,5 @@
 """The study `ablation`: its variations, rows and table, from effects that are given."""
 
-from __future__ import annotations
-
 from math import isnan, log
 
 import pytest

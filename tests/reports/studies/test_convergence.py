@@ -1,7 +1,5 @@
 """The study convergence: orders, floors and errors that are known beforehand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

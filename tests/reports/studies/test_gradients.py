@@ -1,7 +1,5 @@
 """The study `gradients`: closed forms against differences of closed motions, and of the reference."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rich.console import Console

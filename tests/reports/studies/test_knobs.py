@@ -1,7 +1,5 @@
 """The study `knobs`: ratios of errors in words, and the cheapest setting within a tolerance."""
 
-from __future__ import annotations
-
 from math import inf
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """The study robustness: engines that misbehave in one way each fall into their class, whatever the scene."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The soak finds a planted bug, shrinks it to its smallest scene, and writes a file that replays it."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,12 +1,13 @@
-"""Fronts, bands, orders and answers of the study `work-precision` against brute force and known data."""
-
-from __future__ import annotations
+"""The study `work-precision`: fronts, bands, orders, answers by brute force; what engines are known for."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from touchstone.adapters.registry import installed, load
 from touchstone.reports.cli.cheapest import lines
+from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.executors import play_cell
 from touchstone.reports.studies.work_precision.cheapest import (
     TIME,
     MeasuredSetting,
@@ -84,9 +85,8 @@ def test_of_equal_groups_that_share_a_code_the_narrowest_counts():
 
 def run_at(path, events):
     rows = [("events.meet", name, time, "") for name, time in events.items()]
-    return CellRun(
-        pd.DataFrame(rows, columns=["metric", "subject", "value", "verdict"]), path, np.ones(len(path))
-    )
+    frame = pd.DataFrame(rows, columns=["metric", "subject", "value", "verdict"])
+    return CellRun(frame, path, np.ones(len(path)))
 
 
 def test_errors_are_distances_to_the_band():
@@ -151,20 +151,10 @@ def table(count=60, scene="fall"):
     for k in range(count):
         engine = ("reference", "dart", "bullet", "mujoco")[k % 4]
         time = np.nan if k % 17 == 16 else float(RNG.integers(1, 50)) / 100
-        base = {
-            "scenario": scene,
-            "engine": engine,
-            "profile": "one",
-            "settings": f"k={k}",
-            "dt": 1 / 60,
-            "time": time,
-            "time_low": time,
-            "time_high": time,
-            "front": False,
-            "own_front": k % 3 == 0,
-            "truth": "closed form",
-            "reproduce": f"touchstone run {scene} --engine {engine} --set k={k}",
-        }
+        base = {"scenario": scene, "engine": engine, "profile": "one", "settings": f"k={k}", "dt": 1 / 60}
+        base |= {"time": time, "time_low": time, "time_high": time}
+        base |= {"front": False, "own_front": k % 3 == 0, "truth": "closed form"}
+        base["reproduce"] = f"touchstone run {scene} --engine {engine} --set k={k}"
         for name in ("position", "overlap", "energy"):
             if k % 13 != 12 or name != "energy":
                 rows.append({**base, "quantity": name, "error": float(RNG.integers(0, 20)) / 1000})
@@ -177,9 +167,8 @@ def test_the_cheapest_is_that_of_brute_force():
         frame = table()
         settings = {}
         for row in frame.itertuples():
-            settings.setdefault(row.settings, {"engine": row.engine, TIME: row.time / 60})[row.quantity] = (
-                row.error
-            )
+            known = settings.setdefault(row.settings, {"engine": row.engine, TIME: row.time / 60})
+            known[row.quantity] = row.error
         known_settings = settings_of_scene(frame, 60)
         for _ in range(50):
             names = RNG.choice(["position", "overlap", "energy", TIME], RNG.integers(1, 5), replace=False)
@@ -230,20 +219,8 @@ def test_fronts_name_the_point_that_is_not_dominated():
         ("bullet", 0.5, 1e-1),
         ("mujoco", 9.0, 1e-8),
     ]
-    frame = pd.DataFrame(
-        [
-            {
-                "scenario": "fall",
-                "engine": engine,
-                "quantity": "position",
-                "time": time,
-                "error": error,
-                "reproduce": f"touchstone run {engine}",
-            }
-            for engine, time, error in rows
-        ],
-        columns=list(COLUMNS),
-    )
+    frame = pd.DataFrame(rows, columns=["engine", "time", "error"]).reindex(columns=list(COLUMNS))
+    frame = frame.assign(scenario="fall", quantity="position", reproduce="touchstone run " + frame.engine)
     found = fronts(frame).set_index("engine")
     assert found.dominates.to_dict() == {"dart": True, "bullet": False, "mujoco": False}
     assert found.factor["bullet"] == pytest.approx(2.0)
@@ -315,34 +292,50 @@ def test_the_ladder_changes_one_setting_at_a_time():
 def test_times_that_overlap_have_no_winner():
     """Settings whose times overlap that of the cheapest are named beside it; one that is apart is beaten."""
 
+    def setting(k, times):
+        times = (1e-6 * time for time in times)
+        label = ("reference", "balanced", "", 1 / (60 * k))
+        return MeasuredSetting(*label, *times, {"position": 0.0}, 0.0, "", f"play {k}")
+
     def answered(*times, limits):
-        label = ("reference", "balanced", "")
-        known = [
-            MeasuredSetting(
-                *label, 1 / (60 * k), *(1e-6 * t for t in one), {"position": 0.0}, 0.0, "", f"play {k}"
-            )
-            for k, one in enumerate(times, start=1)
-        ]
-        found = cheapest(known, limits)
-        return lines(found, limits)
+        known = [setting(k, one) for k, one in enumerate(times, start=1)]
+        return lines(cheapest(known, limits), limits)
 
     limits = {"position": 1e-3}
     apart = answered((20, 19, 21), (30, 25, 40), limits=limits)
     assert apart[0] == "cheapest: reference balanced at 1/60 s: 20 us a frame (19 us to 21 us)"
-    assert (
-        apart[2]
-        == "runner-up: reference balanced at 1/120 s: 30 us a frame (25 us to 40 us), 1.5 times the time"
-    )
+    second = "reference balanced at 1/120 s: 30 us a frame (25 us to 40 us)"
+    assert apart[2] == f"runner-up: {second}, 1.5 times the time"
     tied = answered((20, 19, 26), (30, 25, 40), (31, 27, 40), limits=limits)
     assert tied[0] == "cannot tell apart: reference balanced at 1/60 s: 20 us a frame (19 us to 26 us)"
-    assert tied[2:] == ["and: reference balanced at 1/120 s: 30 us a frame (25 us to 40 us)", "again: play 1"]
+    assert tied[2:] == [f"and: {second}", "again: play 1"]
     # a wide interval overlaps though the runner-up is apart
     wide = answered((20, 19, 21), (30, 25, 40), (50, 20, 90), limits=limits)
-    assert [line.partition(":")[0] for line in wide] == [
-        "cannot tell apart",
-        "  position 0 m of 1 mm",
-        "and",
-        "runner-up",
-        "again",
-    ]
+    starts = [line.partition(":")[0] for line in wide]
+    assert starts == ["cannot tell apart", "  position 0 m of 1 mm", "and", "runner-up", "again"]
     assert "within noise" in answered((20, 19, 26), limits={TIME: 22e-6})[1]
+
+
+def value(metric, scene, engine, dt, *changes):
+    """Values of a metric by subject, of a cell played in this process."""
+    if not installed(engine):
+        pytest.skip(f"{engine} is not installed")
+    cell = Cell(scene, engine, "recommended", dt, changes, options=(f"metrics={metric}",))
+    done = play_cell(load(engine), cell)
+    assert done.outcome == "done", done.rows
+    return {row.subject: row.value for row in done.rows if row.metric == metric}
+
+
+def test_mujoco_overlaps_less_with_a_shorter_time_constant():
+    """A stack's overlap falls with solref, at one step, at least in proportion."""
+    changes = [f"solref={seconds}" for seconds in (0.04, 0.02, 0.01, 0.005)]
+    found = [value("overlap.max", "stack", "mujoco", 1 / 540, change)[""] for change in changes]
+    assert found == sorted(found, reverse=True)
+    assert found[0] > 8 * found[-1]
+
+
+def test_no_step_mends_friction_along_darts_diagonal():
+    """Boxes at three headings stop 30 % apart at any step; the solver of circular cones mends that."""
+    at = [value("friction.heading", "slide", "dart", dt)[""] for dt in (1 / 240, 1 / 1020)]
+    assert min(at) > 0.3
+    assert value("friction.heading", "slide", "dart", 1 / 240, "solver=nsgs")[""] < 0.01

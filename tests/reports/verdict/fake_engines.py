@@ -1,29 +1,25 @@
 """Engines that fail in one way each: a cube that should rest on a floor, moved by a script."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
-from fake_world import FakeWorld
+from fake_world import FakeEngine, FakeWorld
 
-from touchstone.adapters.contract import AdapterError, Unsupported
+from touchstone.adapters.contract import AdapterError
 
 HALF = 0.05
 
 
-class Engine:
+class Engine(FakeEngine):
     """Engine whose worlds do what its name says."""
 
     def __init__(self, name):
-        self.name = name
+        super().__init__(name, World)
 
     def build(self, scenario, settings):
-        if self.name == "unsupported":
-            raise Unsupported("unsupported: no boxes")
         if self.name == "raises":
             raise ZeroDivisionError("one\ntwo")
-        return World(self.name, scenario, settings)
+        return super().build(scenario, settings)
 
 
 class World(FakeWorld):

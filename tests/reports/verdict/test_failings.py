@@ -1,16 +1,12 @@
 """Known failings are strict, each has a size and a cause, and `touchstone failings measure` writes sizes."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from math import inf, nan
 
 import pytest
-from typer.testing import CliRunner
 
 from touchstone.adapters.registry import ENGINES, OURS
-from touchstone.reports.cli.main import app
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, save, table
 from touchstone.reports.runner.request import DEFAULT_PROFILES
@@ -203,9 +199,8 @@ def test_a_line_that_is_there_twice_is_refused(tmp_path):
     """Name the line."""
     path = tmp_path / "failings.csv"
     write([LINE, line(largest=9.0)], path)
-    with pytest.raises(
-        FailingsError, match=r"several lines of mujoco recommended ball_snip overlap\.max a-b"
-    ):
+    said = r"several lines of mujoco recommended ball_snip overlap\.max a-b"
+    with pytest.raises(FailingsError, match=said):
         read(path)
 
 
@@ -239,22 +234,23 @@ def test_a_chaotic_size_is_ten_times_the_largest(table_of_failings):
     table_of_failings()
     chaotic = line(subject="*", largest=1.0, chaotic=True)
     rows = [replace(ROW, subject=pair, value=value) for pair, value in (("a-b", 2.0), ("b-c", 1.1))]
-    assert measured({chaotic.key: chaotic}, rows) == {
-        chaotic.key: line(subject="*", largest=20.0, chaotic=True)
-    }
+    tenfold = line(subject="*", largest=20.0, chaotic=True)
+    assert measured({chaotic.key: chaotic}, rows) == {chaotic.key: tenfold}
     met = [replace(ROW, value=0.1)]
     assert measured({chaotic.key: chaotic}, met) == {chaotic.key: chaotic}
 
 
-def test_measure_writes_the_file_and_prints_the_difference(table_of_failings, tmp_path, monkeypatch):
+def test_measure_writes_the_file_and_prints_the_difference(
+    table_of_failings, touchstone, tmp_path, monkeypatch
+):
     """`touchstone failings measure` rewrites what a run measured, and says what changed."""
     table_of_failings()
     monkeypatch.setattr(failings, "FILE", tmp_path / "failings.csv")
     write([LINE, line(subject="a-c")], failings.FILE)
     (tmp_path / "run").mkdir()
     save(table([ROW, replace(ROW, value=4.0), replace(ROW, subject="a-c", value=0.5)]), tmp_path / "run")
-    result = CliRunner().invoke(app, ["failings", "measure", str(tmp_path / "run")])
-    assert result.exit_code == 0, result.output
-    assert "size: mujoco recommended ball_snip overlap.max a-b: 2.5 -> 5" in result.output
-    assert "gone: mujoco recommended ball_snip overlap.max a-c: meets its limit" in result.output
+    code, out, err = touchstone("failings measure run")
+    assert code == 0, err
+    assert "size: mujoco recommended ball_snip overlap.max a-b: 2.5 -> 5" in out
+    assert "gone: mujoco recommended ball_snip overlap.max a-c: meets its limit" in out
     assert read(failings.FILE) == {LINE.key: line(largest=5.0)}

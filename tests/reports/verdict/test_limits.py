@@ -1,7 +1,5 @@
 """Limits: the most specific wins, and every limit and known failing names something that exists."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from importlib import import_module
 from math import inf, nan

@@ -1,7 +1,5 @@
 """Scenes written and read again are equal to the bit, and so are their recordings."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from dataclasses import replace
