@@ -25,4 +25,4 @@ ENTRY = replace(
 
 def compile_note() -> str:
     """What a scene that does not answer yet may wait for."""
-    return "mujoco_warp: Warp compiles its kernels, about a minute, once"
+    return "mujoco_warp: Warp compiles its kernels, some minutes, once"
