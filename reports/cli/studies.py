@@ -161,6 +161,19 @@ def calibration(
     )
 
 
+@studied("agreement", judge=True)
+def agreement(
+    scenario: Annotated[
+        list[str] | None, typer.Argument(help="Scenes (default: one or two per family, and push_box).")
+    ] = None,
+) -> StudyRequest:
+    """Play scenes at ever smaller steps: errors of step and of model, the outlier, bands without a truth."""
+    from touchstone.reports.studies import agreement as module
+
+    chosen = scenes_named(scenario or module.SCENES)
+    return StudyRequest(module.steps(chosen), partial(module.run, chosen), module.report)
+
+
 @studied("convergence")
 def convergence(
     scenario: Annotated[

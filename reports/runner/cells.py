@@ -9,7 +9,7 @@ from functools import lru_cache
 from itertools import product
 from typing import Any
 
-from touchstone.adapters.contract import Settings
+from touchstone.adapters.contract import DRIVES, Settings
 from touchstone.adapters.registry import ENGINES, changes_of, settings_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.effects import PLANNED
@@ -88,7 +88,8 @@ class Cell:
     @property
     def settings(self) -> Settings:
         """How to run the engine."""
-        return Settings(self.profile, self.dt, self.changes, PLANNED if self.effects else None)
+        effects, drive = PLANNED if self.effects else None, self.option("drive", DRIVES[0])
+        return Settings(self.profile, self.dt, self.changes, effects, drive=drive)
 
     @property
     def label(self) -> str:

@@ -19,9 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 from rich.text import Text
-from scipy.stats import linregress, t
 
-from touchstone.adapters.contract import Array
 from touchstone.adapters.registry import ACCURATE, ENGINES
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress, quietly
@@ -31,8 +29,9 @@ from touchstone.reports.runner.executors import DIVERGED
 from touchstone.reports.runner.request import REFERENCE, step_text
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.runner.tasks import own_profile, own_step
+from touchstone.reports.studies.agreement import require_truths, slope_of
 from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE
-from touchstone.reports.studies.study import RefusedError, kept
+from touchstone.reports.studies.study import kept
 from touchstone.reports.views.pictures import (
     INK,
     PALE,
@@ -78,10 +77,8 @@ def columns_of(engines: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def cells(names: Sequence[str], engines: Sequence[str]) -> list[Cell]:
-    """All cells, scene by scene; scenes without a truth are refused."""
-    if lacking := [name for name in names if not catalogue()[name].truths]:
-        valid = ", ".join(one.name for one in catalogue().values() if one.truths)
-        raise RefusedError(f"no truth for {', '.join(lacking)}; valid: {valid}")
+    """All cells, scene by scene."""
+    require_truths((catalogue()[name] for name in names), "truth")
     return [
         Cell(name, *column, dt, effects=True, measure=MEASURE, source=SOURCE)
         for name in names
@@ -95,8 +92,6 @@ EXACT = 1e-10
 """Error that counts as none, over the scene's size [1]: what the truths' integrations leave open."""
 ABOVE = 3.0
 """Ratio to the floor above which an error tells an order [1]: at most a third of it is floor."""
-CONFIDENCE = 0.95
-"""Of an order's interval [1]."""
 LEAST_POINTS = 3
 """Steps that an order needs: with two there is no interval."""
 FALLING = 0.25
@@ -121,7 +116,7 @@ class Order:
 
 
 def order_of(steps: Sequence[float], errors: Sequence[float]) -> Order:
-    """Order by the steps above the floor.
+    """Least squares of log error over log step, over the steps above the floor, with Student's interval.
 
     Args:
         steps: two or more, in any order [s].
@@ -137,13 +132,6 @@ def order_of(steps: Sequence[float], errors: Sequence[float]) -> Order:
     if clear.sum() < LEAST_POINTS:
         return Order("few" if clear.any() else "flat", floor, falls)
     return Order("order", floor, falls, *slope_of(h[clear], e[clear]))
-
-
-def slope_of(steps: Array, errors: Array) -> tuple[float, float, float]:
-    """Slope of log error over log step by least squares, with Student's interval."""
-    fit = linregress(np.log(steps), np.log(errors))
-    half = float(t.ppf((1 + CONFIDENCE) / 2, len(steps) - 2) * fit.stderr)
-    return float(fit.slope), float(fit.slope) - half, float(fit.slope) + half
 
 
 def run(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from touchstone.adapters.contract import DRIVES
 from touchstone.adapters.knobs import Choice
 from touchstone.adapters.registry import ENGINES, installed, settings_of
 from touchstone.reports.runner.cells import CATALOGUE, PERTURBED, Cell, grid
@@ -126,18 +127,22 @@ def measured_cells(names: Sequence[str], engines: Sequence[str], quick: bool = F
     return list(dict.fromkeys(cells))
 
 
-def truth_cells(scene: str, sources: tuple[str, str] = (CATALOGUE, PERTURBED)) -> list[Cell]:
+def truth_cells(
+    scene: str, sources: tuple[str, str] = (CATALOGUE, PERTURBED), drive: str = DRIVES[0]
+) -> list[Cell]:
     """Converged solutions of a scene by every installed engine, each with its check at half the step, then a
     plain run of the reference and perturbed ones, for the horizon.
 
     Args:
         sources: of the scene, and of the scene moved by a little.
+        drive: of the engines' driven bodies.
     """
     plain, moved = sources
     codes = [
         Cell(
             *(scene, engine, TRUTH_PROFILE if TRUTH_PROFILE in entry.profiles else own_profile(engine), dt),
             source=plain,
+            options=() if drive == DRIVES[0] or engine == REFERENCE else (f"drive={drive}",),
         )
         for engine, entry in ENGINES.items()
         if installed(engine)

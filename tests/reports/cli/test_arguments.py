@@ -157,6 +157,7 @@ WRONG = [
     ("study narrow-phase --pairs 99999999999", "--pairs 99999999999: expected at most 10000000"),
     ("study narrow-phase --pairs 8", "--pairs 8: expected at least 9, one per family of poses"),
     ("study narrow-phase --pairs 9 --out full", "--out full: exists and is not an empty folder"),
+    ("study agreement fall --out full", "--out full: exists and is not an empty folder"),
     ("study ik --goals 0", "--goals 0: expected at least 1"),
 ]
 """Command -> how its line begins; `full` is a folder with a file."""

@@ -75,10 +75,10 @@ def _hard(name):
 
 def test_rows_are_kept_without_times_and_with_their_step():
     """Times are left out, several steps become part of the subject, classes become numbers."""
-    base = ("convergence", "fall", "mujoco", "recommended")
+    base = ("agreement", "fall", "mujoco", "recommended")
     rows = [
-        Row(*base, 1 / 60, "convergence.error", 1e-3, "m"),
-        Row(*base, 1 / 240, "convergence.error", 1e-4, "m"),
+        Row(*base, 1 / 60, "agreement.error", 1e-3, "m"),
+        Row(*base, 1 / 240, "agreement.error", 1e-4, "m"),
         Row(*base, 1 / 240, "time.frame", 1e-4, "s"),
         _hard("ok"),
         Row(HARD, "mass", "mujoco", "recommended", 1 / 540, "stability.survived", 3.0, subject="jitter"),
