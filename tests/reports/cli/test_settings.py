@@ -224,7 +224,7 @@ def test_worse_settings_are_exit_1(touchstone, refused, mujoco, tmp_path):
     [
         (SOFT.partition("[settings]")[0], "settings: missing"),
         ('profil = "x"\n' + SOFT.format("0.01"), "profil: unknown field 'profil'"),
-        (SOFT.format("0.01").replace("mujoco", "mujco"), "did you mean 'mujoco'?"),
+        (SOFT.format("0.01").replace("mujoco", "mujco"), "did you mean 'mujoco'"),
         (SOFT.format("0.01").replace("solref", "solrf"), "did you mean 'solref'?"),
         (SOFT.format("-1"), "solref: found '-1'"),
         ('dt = "1/7"\n' + SOFT.format("0.01"), "--dt 1/7:"),

@@ -43,10 +43,10 @@ def test_lists_in_every_format(touchstone, monkeypatch, what, form):
 @pytest.mark.parametrize("name", OURS)
 def test_a_missing_engine_is_listed_with_its_hint(monkeypatch, tmp_path, name):
     """What pip installs stands beside each engine that is not installed, also one that plays only by name."""
-    entry = registry.ENGINES.get(name) or registry._entry_of_ours(name)
+    entry = registry.ENGINES.get(name) or registry.entry_of_ours(name)
     # where no environment is
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(registry, "_entry_of_ours", lambda _: replace(entry, package="no_such_package"))
+    monkeypatch.setattr(registry, "entry_of_ours", lambda _: replace(entry, package="no_such_package"))
     monkeypatch.delitem(registry.ENGINES, name, raising=False)
     (hint,) = [missing for listed, _, missing in engines() if listed == name]
     assert hint == registry.missing_reason(name)
