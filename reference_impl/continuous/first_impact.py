@@ -99,7 +99,9 @@ def earliest_impact(world, touching, end, until, fast):
             one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
             moving = MovingPair(a, b, one, two, world.vertices, pair, state)
             if distance_at(moving, first) < -OVERLAP_TOLERANCE:
-                first, met, again = _closing(moving, first, gap, slack), k, True
+                before, first = first, _closing(moving, first, gap, slack)
+                if first < before:
+                    met, again = k, True
     return first, drifted, met
 
 
