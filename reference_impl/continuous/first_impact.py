@@ -50,7 +50,7 @@ def earliest_impact(world, touching, end, until, fast):
             DETECTION_SWEEP or `fast`, all whose swept boxes overlap.
         until: the search ends at this fraction.
         fast: compute the time of impact of pairs that move farther than the sum of their widths; test the
-            others at the end.
+            others at the end, and at the event that is found.
     Returns:
         (fraction, drifted, met): `until` if there is no event; whether a resting contact may overlap there;
         and the row of the pair that meets, or -1. Leaves bodies at arbitrary poses.
