@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -22,26 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.adapters.contract import CONTACT_FIELDS, LARGEST_STATE, AdapterError, Array
-from touchstone.scenarios.files.safe_paths import regular
+from touchstone.scenarios.files.safe_paths import DAMAGED, regular
 from touchstone.scenarios.scenario import Scenario, ScenarioError, ShortRepr
 
 FORMAT_VERSION = 3
-DAMAGED = (
-    OSError,
-    ValueError,
-    TypeError,
-    EOFError,
-    KeyError,  # zipfile: a name that the archive lists and lacks
-    MemoryError,  # an array that claims a huge shape
-    NotImplementedError,  # zipfile: an unknown method of compression
-    OverflowError,
-    RuntimeError,  # zipfile: an encrypted file
-    SyntaxError,  # a damaged header of an array is parsed as Python
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""Exceptions of numpy and zipfile on damaged files or files of another format."""
 FORGED = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
 """Exceptions of the decoder on a text that is no scenario."""
 MAPPINGS = ("settings", "bodies", "drives", "effects", "limits", "pieces")

@@ -5,11 +5,30 @@ from __future__ import annotations
 import errno
 import json
 import stat
+import tokenize
+import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+DAMAGED = (
+    OSError,
+    ValueError,
+    TypeError,
+    EOFError,
+    KeyError,  # zipfile: a name that the archive lists and lacks
+    MemoryError,  # an array that claims a huge shape
+    NotImplementedError,  # zipfile: an unknown method of compression
+    OverflowError,
+    RuntimeError,  # zipfile: an encrypted file
+    SyntaxError,  # a damaged header of an array is parsed as Python
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""Exceptions of numpy and zipfile on damaged files or files of another format."""
 KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a FIFO"),

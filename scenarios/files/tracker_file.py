@@ -8,8 +8,6 @@ CSV: a header `time,x,y,z,qw,qx,qy,qz`, then the names of the tracker's joints, 
 from __future__ import annotations
 
 import csv
-import zipfile
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,11 +15,9 @@ from typing import Any
 import numpy as np
 
 from touchstone.scenarios.avatar.number_checks import number_of
-from touchstone.scenarios.files.safe_paths import regular
+from touchstone.scenarios.files.safe_paths import DAMAGED, regular
 
 COLUMNS = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
-UNREADABLE = (OSError, ValueError, TypeError, EOFError, KeyError, zipfile.BadZipFile, zlib.error)
-"""Exceptions of numpy and zipfile on files that are no NPZ archives of plain arrays."""
 
 
 class TrackerFileError(ValueError):
@@ -82,7 +78,7 @@ def _of_npz(path: Path, joints: Sequence[str]) -> np.ndarray:
             found = {name: np.asarray(archive[name], dtype=float) for name in archive.files}
     except FileNotFoundError:
         raise
-    except UNREADABLE as error:
+    except DAMAGED as error:
         reason = f"{error}".partition("\n")[0][:100]
         raise TrackerFileError(f"{path.name}: no NPZ file of plain numbers ({reason})") from error
     count = len(found["time"]) if "time" in found and found["time"].ndim == 1 else 0

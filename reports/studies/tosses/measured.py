@@ -18,9 +18,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
-from touchstone.adapters.recording import DAMAGED
 from touchstone.reports.studies.study import RefusedError
-from touchstone.scenarios.files.safe_paths import regular
+from touchstone.scenarios.files.safe_paths import DAMAGED, regular
 from touchstone.scenarios.scenario import GRAVITY, Vector, vector
 
 ARCHIVE, BODY = "tosses.npz", "body.toml"

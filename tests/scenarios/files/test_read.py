@@ -147,6 +147,13 @@ def test_a_tracker_reads_its_file(scene, tmp_path):
     assert scene(text.replace(".csv", ".npz"))[0].endswith("position has shape (1, 3), expected (2, 3)")
     (tmp_path / "glove.npz").write_bytes(b"nothing")
     assert "glove.npz: no NPZ file of plain numbers" in scene(text.replace(".csv", ".npz"))[0]
+    # the first array is said to be encrypted, or of an unknown method of compression
+    for offset, byte in ((8, 1), (10, 99)):
+        np.savez(tmp_path / "glove.npz", time=[0.0, 1.0], position=place, orientation=turn)
+        data = bytearray((tmp_path / "glove.npz").read_bytes())
+        data[data.index(b"PK\x01\x02") + offset] = byte
+        (tmp_path / "glove.npz").write_bytes(data)
+        assert "glove.npz: no NPZ file of plain numbers" in scene(text.replace(".csv", ".npz"))[0]
     assert scene(text.replace("glove.csv", "none.csv"))[0].endswith("none.csv: No such file or directory")
     assert scene(text.replace('file = "glove.csv"', ""))[0].startswith("drop.toml:19: trackers[0]: no times")
 
