@@ -1,4 +1,4 @@
-"""Plans in runs: what is left out changes nothing, what is needed matters, broken bounds are told."""
+"""Plans in runs: what is left out changes nothing, what is needed matters, broken bounds are errors."""
 
 from dataclasses import replace
 from types import SimpleNamespace

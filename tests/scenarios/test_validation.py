@@ -393,7 +393,7 @@ def with_ball() -> dict:
 
 @pytest.mark.parametrize(("change", "cone", "path", "message"), CHAIN)
 def test_faults_of_a_chain(change: dict, cone: dict, path: str, message: str) -> None:
-    """Tell what is wrong with a chain or with a reach cone in it."""
+    """Name the fault of a chain or of a reach cone in it."""
     fields = with_ball()
     assert Scenario(**fields).chains
     chain = replace(fields["chains"][0], cones=(replace(CONE, **cone),), **change)
@@ -461,7 +461,7 @@ TRUTH = [
 
 @pytest.mark.parametrize(("change", "path", "message"), TRUTH)
 def test_faults_of_a_truth(change: dict, path: str, message: str) -> None:
-    """Tell what is wrong with how a body is said to move."""
+    """Name the fault of the motion of a body."""
     truth = replace(Truth("ball", "arcs", (START,)), **change)
     assert message in faults_of(sound() | {"truths": (truth,)})[path]
 
