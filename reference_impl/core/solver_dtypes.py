@@ -49,24 +49,13 @@ ROW = record(
     before=VECTOR,  # velocity of B relative to A before forces act, plus that slip [m/s]
     start=VECTOR,  # warm-start impulse
     best=VECTOR,  # impulse of the least residual so far
-    # Newton's method: proximal centre, velocity, and change of velocity along a step (interior-point method:
-    # the vectors q and v, and the same change)
+    # Newton's method: proximal centre, velocity, and change of velocity along a step
     centre=VECTOR,
     velocity=VECTOR,
     rate=VECTOR,
     stiffness="f8",  # [kg]
-    # interior-point method: axes of its vectors, scaling point, its size and 1 / (1 + its first component),
-    # determinant of the scaled vectors, error of v, derivative of its shift, and change of q that gives
-    # certain products
-    axes=MATRIX,
-    unit="f8",  # of mass [kg]
-    scaling=VECTOR,
-    stretch="f8",
-    bend="f8",
-    determinant="f8",
-    gap=VECTOR,
-    slope=("f8", (2,)),
-    centred=VECTOR,
+    first_cone="i8",  # interior-point method: its cones, that of friction first
+    cone_count="i8",
 )
 MOMENT = record(
     row="i8",  # of its contact
@@ -88,6 +77,25 @@ MOMENT = record(
     velocity=VECTOR,
     rate=VECTOR,
     stiffness="f8",
+)
+CONE = record(
+    moment="i8",  # the moment that it bounds, or -1: friction
+    bound="f8",  # over the normal impulse [1]
+    axes=MATRIX,  # of its vectors, times the root of the mass, and those across times the bound
+    unit="f8",  # of mass [kg]
+    speed=VECTOR,  # v
+    load=VECTOR,  # q
+    speed_step=VECTOR,
+    load_step=VECTOR,
+    scaling=VECTOR,  # point W
+    stretch="f8",  # size of W
+    bend="f8",  # 1 / (1 + first component of W)
+    determinant="f8",  # of the scaled vectors
+    gap=VECTOR,  # error of v
+    slope=("f8", (2,)),  # derivative of the shift of v
+    centred=VECTOR,  # change of q that gives certain products
+    lean=("f8", (2,)),  # change of q across per change along the axis, at a fixed v across
+    shared="f8",  # of a row's first cone: change of the normal impulse per v, with all its cones
 )
 MOVER = record(
     body="i8",  # its row of `bodies`: a simulated body, or the root of a driver
@@ -134,6 +142,8 @@ SOLVER = record(
     movers=(MOVER, (MOVER_CAPACITY,)),
     moment_count="i8",
     moments=(MOMENT, (MOMENT_CAPACITY,)),
+    cone_count="i8",
+    cones=(CONE, (3 * NEWTON_ROWS,)),
     links=(LINK, (LINK_CAPACITY,)),
     # a row's Jacobian: places of its blocks, and their 3 x 6 entries
     block_count="i8",

@@ -34,21 +34,24 @@ from touchstone.reference_impl.solver.envelope import (
     solve_factors,
     subtract_impulse,
 )
-from touchstone.reference_impl.solver.interior_start import (
+from touchstone.reference_impl.solver.interior_cones import (
     along_axes,
-    begin_afar,
-    begin_near,
-    meeting_on_axes,
+    correction,
     on_axes,
-    set_axes,
+    set_cones,
+    set_scaling,
+    stiffness,
+    unscale,
+    unscale_across,
 )
+from touchstone.reference_impl.solver.interior_start import begin_afar, begin_near
+from touchstone.reference_impl.solver.link_rows import add_listed, add_product, list_blocks, list_turns
 from touchstone.reference_impl.solver.moment_rows import (
-    add_soft_moments,
-    begin_moment_steps,
-    begin_soft_moments,
+    add_to_outer,
+    clear_outer,
     into_bounds,
-    step_soft_moments,
-    subtract_soft_moments,
+    set_moment_rates,
+    subtract_moment,
 )
 from touchstone.reference_impl.solver.tolerances import INTERIOR_BOUNDARY, INTERIOR_CENTRE, NEWTON_MOST
 
@@ -61,9 +64,6 @@ it runs, 2 to 3 s; after these, sweeps alone."""
 INTERIOR_TARGET, INTERIOR_LEAST, INTERIOR_STALLS = 1e-8, 1e-6, 4
 """Residual at which it ends and leaves the rest to Newton's method, except in dense substeps; residual below
 which it ends where rounding stops it, and steps that tell so [m/s]."""
-MOMENT_COMPLIANCE = 1e-3
-"""Compliance of the moments' proximal steps over their own mobility [1]: their error falls by about that in a
-full step."""
 INTERIOR_SHORT, INTERIOR_LONG = 0.1, 0.8
 """Shares of a full step below which it takes less of the derivative of friction, and above which more [1]."""
 
@@ -85,7 +85,7 @@ def interior(solver, afar, state):
     most = INTERIOR_STEPS if left > -NEWTON_MOST else INTERIOR_FEW
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
-    set_axes(solver)
+    set_cones(solver)
     if afar:
         begin_afar(solver)
     else:
@@ -94,7 +94,7 @@ def interior(solver, afar, state):
     share, least, stalled = 1.0, 1e300, 0
     for _ in range(most):
         _set_impulses(solver)
-        inside, mean, gap = _set_scaling(solver, share)
+        inside, mean, gap = set_scaling(solver, share)
         if not inside:
             break
         residual, _ = residual_of(solver)
@@ -104,10 +104,7 @@ def interior(solver, afar, state):
         if residual <= target or (stalled >= INTERIOR_STALLS and least <= INTERIOR_LEAST):
             break
         begin_matrix(solver)
-        for k in range(solver["row_count"]):
-            _set_kernel(solver["rows"][k], solver["kernel"])
-            add_row(solver, solver["rows"][k])
-        add_soft_moments(solver)
+        _add_derivatives(solver)
         factorise(solver)
         state["counters"][COUNT_FACTORS] += 1
         state["newton_work"] -= work
@@ -124,89 +121,90 @@ def interior(solver, afar, state):
         elif length > INTERIOR_LONG:
             share = min(1.0, share + 0.25)
         _advance(solver, length)
-        step_soft_moments(solver, length)
-
-
-@kernel
-def _set_scaling(solver, share):
-    """Compute the scaling W of each row, W q = W^-1 v, the `gap`, the error of v's definition, and the
-    `slope`, the derivative of the shift with respect to v_t times `share`.
-
-    Returns:
-        (inside, mean, gap): whether all vectors are inside their cones, out of which rounding may put them at
-        the end; the mean of v.q over all rows [m^2/s^2], and the largest component of their gaps [m/s].
-    """
-    total, largest = 0.0, 0.0
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        u, p, w, gap, slope = row["velocity"], row["centre"], row["scaling"], row["gap"], row["slope"]
-        across, other = sqrt(u[1] * u[1] + u[2] * u[2]), sqrt(p[1] * p[1] + p[2] * p[2])
-        if not (u[0] > across and p[0] > other):
-            return False, 0.0, 0.0
-        x, y, z = meeting_on_axes(row, solver)
-        gap[0], gap[1], gap[2] = u[0] - x - across, u[1] - y, u[2] - z
-        largest = max(largest, abs(gap[0]), abs(gap[1]), abs(gap[2]))
-        part = share / across if across > 0 else 0.0
-        slope[0], slope[1] = part * u[1], part * u[2]
-        product = u[0] * p[0] + u[1] * p[1] + u[2] * p[2]
-        total += product
-        one, two = sqrt((u[0] - across) * (u[0] + across)), sqrt((p[0] - other) * (p[0] + other))
-        row["determinant"] = one * two
-        row["stretch"] = sqrt(one / two)
-        # v and q of determinant 1, and the point halfway between them
-        size = sqrt(2 * (1 + product / row["determinant"]))
-        one, two = 1 / (one * size), 1 / (two * size)
-        w[0], w[1], w[2] = one * u[0] + two * p[0], one * u[1] - two * p[1], one * u[2] - two * p[2]
-        row["bend"] = 1 / (1 + w[0])
-    return True, total / solver["row_count"], largest
 
 
 @kernel
 def _set_impulses(solver):
-    """Set the impulses of the rows and the movers' velocities from the vectors q, and centre the
-    moments for a proximal step."""
+    """Set the impulses of the rows and moments and the movers' velocities from the vectors q."""
+    for k in range(solver["moment_count"]):
+        solver["moments"][k]["impulse"][:] = 0.0
+    for c in range(solver["cone_count"]):
+        _set_across(solver, solver["cones"][c])
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        p, q = row["impulse"], row["centre"]
-        p[0], p[1], p[2] = along_axes(row, q[0], q[1], q[2])
+        cone = solver["cones"][row["first_cone"]]
+        p, q = row["impulse"], cone["load"]
+        p[0], p[1], p[2] = along_axes(cone, q[0], q[1], q[2])
         into_cone(row)
     into_bounds(solver)
     rebuild(solver)
-    begin_soft_moments(solver, MOMENT_COMPLIANCE, 0.0)
-    begin_moment_steps(solver)
 
 
 @inlined_kernel
-def _scaled(row, sign, a, b, c):
-    """Apply a row's scaling W (sign 1) or its inverse (sign -1) to the vector (a, b, c)."""
-    w, x, y = row["scaling"], sign * row["scaling"][1], sign * row["scaling"][2]
-    factor = row["stretch"] if sign > 0 else 1 / row["stretch"]
-    across = x * b + y * c
-    turned = a + across * row["bend"]
-    return factor * (w[0] * a + across), factor * (b + turned * x), factor * (c + turned * y)
-
-
-@inlined_kernel
-def _unscale(row, x, y, z):
-    """Apply W^-2 to a vector: a change of v becomes a change of q."""
-    w, factor = row["scaling"], 1 / (row["stretch"] * row["stretch"])
-    double = 2 * (w[0] * x - w[1] * y - w[2] * z)
-    return factor * (double * w[0] - x), factor * (y - double * w[1]), factor * (z - double * w[2])
+def _set_across(solver, cone):
+    """Add the impulse of a cone to that of its moment."""
+    if cone["moment"] >= 0:
+        p, q = solver["moments"][cone["moment"]]["impulse"], cone["load"]
+        x, y, z = along_axes(cone, 0.0, q[1], q[2])
+        p[0], p[1], p[2] = p[0] + x, p[1] + y, p[2] + z
 
 
 @kernel
-def _set_kernel(row, out_kernel):
-    """Compute minus the derivative of a row's impulse with respect to its velocity [kg]."""
-    axes, slope = row["axes"], row["slope"]
-    for m in range(3):
-        y, z = axes[1, m], axes[2, m]
-        x, y, z = _unscale(row, axes[0, m] + slope[0] * y + slope[1] * z, y, z)
-        out_kernel[0, m], out_kernel[1, m], out_kernel[2, m] = along_axes(row, x, y, z)
+def _add_derivatives(solver):
+    """Add J^T K J of all rows to the matrix, with K minus the derivative of the impulses with respect to the
+    velocities [kg]."""
+    k = solver["kernel"]
+    for r in range(solver["row_count"]):
+        row = solver["rows"][r]
+        first, count = row["first_cone"], row["cone_count"]
+        cone = solver["cones"][first]
+        axes, slope = cone["axes"], cone["slope"]
+        for m in range(3):
+            y, z = axes[1, m], axes[2, m]
+            if count == 1:
+                x, y, z = unscale(cone, axes[0, m] + slope[0] * y + slope[1] * z, y, z)
+            else:
+                x = 0.0
+                y, z = unscale_across(cone, y, z)
+            k[0, m], k[1, m], k[2, m] = along_axes(cone, x, y, z)
+        add_row(solver, row)
+        if count > 1:
+            _add_shared(solver, row)
+
+
+@kernel
+def _add_shared(solver, row):
+    """Add the part of the moment of a row, and that of the impulse that its cones share."""
+    first = row["first_cone"]
+    end, k, h = first + row["cone_count"], solver["kernel"], solver["cones"][first]["shared"]
+    moment = solver["moments"][solver["cones"][first + 1]["moment"]]
+    k[:, :] = 0.0
+    for c in range(first + 1, end):
+        cone = solver["cones"][c]
+        for m in range(3):
+            y, z = unscale_across(cone, cone["axes"][1, m], cone["axes"][2, m])
+            x, y, z = along_axes(cone, 0.0, y, z)
+            k[0, m], k[1, m], k[2, m] = k[0, m] + x, k[1, m] + y, k[2, m] + z
+    list_turns(solver, moment)
+    add_listed(solver)
+    clear_outer(solver)
+    for c in range(first, end):
+        cone = solver["cones"][c]
+        if c == first:
+            list_blocks(solver, row)
+        elif c == first + 1:
+            list_turns(solver, moment)
+        lean, slope, unit = cone["lean"], cone["slope"], cone["unit"]
+        x, y, z = along_axes(cone, h, h * lean[0], h * lean[1])
+        add_to_outer(solver, x, y, z, 0)
+        x, y, z = along_axes(cone, 1 / unit, (lean[0] + slope[0]) / unit, (lean[1] + slope[1]) / unit)
+        add_to_outer(solver, x, y, z, 1)
+    add_product(solver)
 
 
 @kernel
 def _begin_gradient(solver):
-    """Compute the gradient of a step towards products v.q of 0, and set the rows' `centred` to 0."""
+    """Compute the gradient of a step towards products v.q of 0, and set the cones' `centred` to 0."""
     movers, g = solver["movers"], solver["gradient"]
     for m in range(solver["mover_count"]):
         mover = movers[m]
@@ -216,69 +214,105 @@ def _begin_gradient(solver):
             g[base + 3 + i] = inertia[i, 0] * w[0] + inertia[i, 1] * w[1] + inertia[i, 2] * w[2]
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        gap, slope = row["gap"], row["slope"]
-        row["centred"][:] = 0.0
-        x, y, z = _unscale(row, gap[0] + slope[0] * gap[1] + slope[1] * gap[2], gap[1], gap[2])
-        _subtract_change(solver, row, x, y, z)
-    subtract_soft_moments(solver, 0.0)
+        first = row["first_cone"]
+        cone = solver["cones"][first]
+        gap, slope = cone["gap"], cone["slope"]
+        x = gap[0] + slope[0] * gap[1] + slope[1] * gap[2]
+        if row["cone_count"] == 1:
+            x, y, z = unscale(cone, x, gap[1], gap[2])
+            cone["centred"][:] = 0.0
+            _subtract_change(solver, row, cone, x, y, z)
+            continue
+        for c in range(first, first + row["cone_count"]):
+            other = solver["cones"][c]
+            gap, lean, slope = other["gap"], other["lean"], other["slope"]
+            x += lean[0] * gap[1] + lean[1] * gap[2]
+            x += slope[0] * gap[1] + slope[1] * gap[2] if c > first else 0.0
+        x *= cone["shared"]
+        for c in range(first, first + row["cone_count"]):
+            other = solver["cones"][c]
+            gap, lean = other["gap"], other["lean"]
+            y, z = unscale_across(other, gap[1], gap[2])
+            other["centred"][:] = 0.0
+            _subtract_change(solver, row, other, x, y + lean[0] * x, z + lean[1] * x)
 
 
 @kernel
 def _correct_gradient(solver, goal):
     """Change the gradient for products v.q of `goal`, and for the product of the changes of v and q of the
-    step solved last; sets the rows' `centred`."""
+    step solved last; sets the cones' `centred`."""
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        u, c, stretch = row["velocity"], row["centred"], row["stretch"]
-        x, y, z = _correction(row)
-        # goal / (v_n^2 - |v_t|^2)
-        part = goal / (row["determinant"] * stretch * stretch)
-        c[0], c[1], c[2] = part * u[0] - x, -part * u[1] - y, -part * u[2] - z
-        _subtract_change(solver, row, c[0], c[1], c[2])
+        first, total = row["first_cone"], 0.0
+        for c in range(first, first + row["cone_count"]):
+            cone = solver["cones"][c]
+            u, centred, stretch = cone["speed"], cone["centred"], cone["stretch"]
+            x, y, z = correction(cone)
+            # goal / (v_n^2 - |v_t|^2)
+            part = goal / (cone["determinant"] * stretch * stretch)
+            centred[0], centred[1], centred[2] = part * u[0] - x, -part * u[1] - y, -part * u[2] - z
+            total += centred[0] / stiffness(cone)
+        cone = solver["cones"][first]
+        if row["cone_count"] == 1:
+            x, y, z = cone["centred"][0], cone["centred"][1], cone["centred"][2]
+            _subtract_change(solver, row, cone, x, y, z)
+            continue
+        j = cone["shared"] * total
+        for c in range(first, first + row["cone_count"]):
+            cone = solver["cones"][c]
+            x, lean = cone["centred"], cone["lean"]
+            rest = j - x[0]
+            _subtract_change(solver, row, cone, j, x[1] + lean[0] * rest, x[2] + lean[1] * rest)
 
 
 @kernel
-def _subtract_change(solver, row, x, y, z):
-    """Subtract J^T p of a row from the gradient, with p the impulse of a change (x, y, z) of q."""
-    x, y, z = along_axes(row, x, y, z)
-    subtract_impulse(solver, row, x, y, z)
+def _subtract_change(solver, row, cone, x, y, z):
+    """Subtract J^T p of a row or its moment from the gradient, with p the impulse of a change (x, y, z) of
+    q."""
+    x, y, z = along_axes(cone, x, y, z)
+    if cone["moment"] < 0:
+        subtract_impulse(solver, row, x, y, z)
+    else:
+        subtract_moment(solver, solver["moments"][cone["moment"]], x, y, z)
 
 
 @kernel
 def _solve(solver):
-    """Solve for the step of the present gradient; sets the rows' `direction` (of v) and `swept` (of q)."""
+    """Solve for the step of the present gradient, and set those of v and q of all cones."""
     solve_factors(solver)
     set_rates(solver)
+    set_moment_rates(solver)
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        d, c, gap, slope = row["rate"], row["centred"], row["gap"], row["slope"]
-        u, p, q = row["direction"], row["swept"], row["centre"]
-        x, y, z = on_axes(row, d[0], d[1], d[2])
-        y, z = y - gap[1], z - gap[2]
-        x += slope[0] * y + slope[1] * z - gap[0]
-        u[0], u[1], u[2] = x, y, z
-        x, y, z = _unscale(row, x, y, z)
-        p[0], p[1], p[2] = c[0] - q[0] - x, c[1] - q[1] - y, c[2] - q[2] - z
-
-
-@inlined_kernel
-def _correction(row):
-    """Change of q that balances the product of the changes `direction` and `swept` (Mehrotra)."""
-    q, u, p = row["centre"], row["direction"], row["swept"]
-    l_0, l_1, l_2 = _scaled(row, 1, q[0], q[1], q[2])
-    a, b, c = _scaled(row, -1, u[0], u[1], u[2])
-    d, e, f = _scaled(row, 1, p[0], p[1], p[2])
-    x, y, z = a * d + b * e + c * f, a * e + d * b, a * f + d * c
-    first, inverse = (l_0 * x - l_1 * y - l_2 * z) / row["determinant"], 1 / l_0
-    return _scaled(row, -1, first, inverse * (y - first * l_1), inverse * (z - first * l_2))
+        first, normal, total = row["first_cone"], 0.0, 0.0
+        for c in range(first, first + row["cone_count"]):
+            cone = solver["cones"][c]
+            d = row["rate"] if cone["moment"] < 0 else solver["moments"][cone["moment"]]["rate"]
+            gap, slope, u = cone["gap"], cone["slope"], cone["speed_step"]
+            x, y, z = on_axes(cone, d[0], d[1], d[2])
+            y, z = y - gap[1], z - gap[2]
+            normal += x + (slope[0] * y + slope[1] * z - gap[0])
+            u[0], u[1], u[2] = normal, y, z
+            if row["cone_count"] > 1:
+                lean = cone["lean"]
+                total += cone["centred"][0] / stiffness(cone) - lean[0] * y - lean[1] * z
+        j = solver["cones"][first]["shared"] * (total - normal) if row["cone_count"] > 1 else 0.0
+        for c in range(first, first + row["cone_count"]):
+            cone = solver["cones"][c]
+            u, p, q, centred = cone["speed_step"], cone["load_step"], cone["load"], cone["centred"]
+            if row["cone_count"] > 1:
+                lean = cone["lean"]
+                u[0] = (centred[0] - j) / stiffness(cone) - lean[0] * u[1] - lean[1] * u[2]
+            x, y, z = unscale(cone, u[0], u[1], u[2])
+            p[0], p[1], p[2] = centred[0] - q[0] - x, centred[1] - q[1] - y, centred[2] - q[2] - z
 
 
 @kernel
 def _longest(solver, most):
     """Longest step over the full one, at most `most`, that keeps all vectors in their cones."""
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        most = _exit(row["centre"], row["swept"], _exit(row["velocity"], row["direction"], most))
+    for c in range(solver["cone_count"]):
+        cone = solver["cones"][c]
+        most = _exit(cone["load"], cone["load_step"], _exit(cone["speed"], cone["speed_step"], most))
     return most
 
 
@@ -306,9 +340,9 @@ def _exit(v, d, most):
 
 @kernel
 def _advance(solver, s):
-    """Apply a fraction of the step to the rows."""
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
+    """Apply a fraction of the step to the cones."""
+    for c in range(solver["cone_count"]):
+        cone = solver["cones"][c]
         for i in range(3):
-            row["velocity"][i] += s * row["direction"][i]
-            row["centre"][i] += s * row["swept"][i]
+            cone["speed"][i] += s * cone["speed_step"][i]
+            cone["load"][i] += s * cone["load_step"][i]

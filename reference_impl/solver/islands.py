@@ -165,7 +165,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
                 continue
             for i in range(3):
                 w[i, i] += LOCKED * trace
-            _drop_locked(row, pair["bias"], bias_share * LOCKED * trace)
+            _drop_locked(solver, row, pair["bias"], bias_share * LOCKED * trace)
             solver["joined"] = 1
         prepare_row(row)
         if has_moment(pair):
@@ -178,11 +178,11 @@ def load_island(bodies, joints, drivers, pairs, head, state):
 
 
 @kernel
-def _drop_locked(row, bias, least):
+def _drop_locked(solver, row, bias, least):
     """Take from a row's velocity its share of a bias along directions in which joints hold its point: it
     comes of how these turn within the substep, and no impulse changes it. `least` is their mobility times
     that share."""
-    s, w, x = row["axes"], row["mobility"], row["swept"]
+    s, w, x = solver["kernel"], row["mobility"], row["swept"]
     for i in range(3):
         x[i] = bias[i]
         for j in range(3):

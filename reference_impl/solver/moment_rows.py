@@ -50,7 +50,7 @@ def changed_turn(moment, solver):
 
 
 @kernel
-def _velocity(moment, solver):
+def turn_velocity(moment, solver):
     """Velocity u of a row [m/s]."""
     f = moment["free"]
     x, y, z = changed_turn(moment, solver)
@@ -138,7 +138,7 @@ def worst_moment(solver):
     for k in range(solver["moment_count"]):
         moment = solver["moments"][k]
         p, m, row = moment["impulse"], moment["mass"], solver["rows"][moment["row"]]
-        x, y, z = _velocity(moment, solver)
+        x, y, z = turn_velocity(moment, solver)
         x, y, z = _clip(moment, row, _load(row), (p[0] - m * x, p[1] - m * y, p[2] - m * z))
         change = sqrt((x - p[0]) ** 2 + (y - p[1]) ** 2 + (z - p[2]) ** 2) / m
         if not change <= largest:
@@ -152,7 +152,7 @@ def solve_moment(moment, solver):
     the change of the impulse over the mass [m/s], and sets `swept` to the change."""
     row, p, w, d = solver["rows"][moment["row"]], moment["impulse"], moment["mobility"], moment["swept"]
     n, t, s, load = row["normal"], row["across_1"], row["across_2"], _load(row)
-    x, y, z = _velocity(moment, solver)
+    x, y, z = turn_velocity(moment, solver)
     u = (x, y, z)
     copy_vector(p, d)
     along, w_n = dot(n, p), (_form(w, n, n), _form(w, t, n), _form(w, s, n))
@@ -258,7 +258,7 @@ def begin_moment_steps(solver):
     for k in range(solver["moment_count"]):
         moment = solver["moments"][k]
         u = moment["velocity"]
-        u[0], u[1], u[2] = _velocity(moment, solver)
+        u[0], u[1], u[2] = turn_velocity(moment, solver)
         moment["rate"][:] = 0.0
 
 
@@ -288,11 +288,12 @@ def subtract_soft_moments(solver, s):
     for k in range(solver["moment_count"]):
         moment = solver["moments"][k]
         x, y, z = _project(moment, solver["rows"][moment["row"]], s)
-        _subtract(solver, moment, x, y, z)
+        subtract_moment(solver, moment, x, y, z)
 
 
 @kernel
-def _subtract(solver, moment, px, py, pz):
+def subtract_moment(solver, moment, px, py, pz):
+    """Subtract J^T p of a moment from the gradient."""
     list_turns(solver, moment)
     for k in range(solver["block_count"]):
         base, j = 6 * solver["block_place"][k], solver["block"][k]
@@ -319,10 +320,12 @@ def add_load_changes(solver):
         row = solver["rows"][moment["row"]]
         if moment["load"] == 0 or not _change_per_load(moment, row, moment["swept"]):
             continue
+        g, n, stiffness = moment["swept"], row["normal"], row["stiffness"]
         list_turns(solver, moment)
-        _sum_blocks(solver, moment["swept"], 1.0, 0)
+        clear_outer(solver)
+        add_to_outer(solver, g[0], g[1], g[2], 0)
         list_blocks(solver, row)
-        _sum_blocks(solver, row["normal"], row["stiffness"], 1)
+        add_to_outer(solver, stiffness * n[0], stiffness * n[1], stiffness * n[2], 1)
         add_product(solver)
 
 
@@ -343,23 +346,20 @@ def _change_per_load(moment, row, out_change):
 
 
 @kernel
-def _sum_blocks(solver, v, factor, side):
-    """Set `outer[side]` of the listed blocks to J' v times a factor."""
-    for k in range(solver["block_count"]):
-        j = solver["block"][k]
-        for c in range(6):
-            solver["outer"][side, k, c] = factor * (j[0, c] * v[0] + j[1, c] * v[1] + j[2, c] * v[2])
+def clear_outer(solver):
+    """Set both vectors `outer` of the listed blocks to 0."""
+    for side in range(2):
+        for k in range(solver["block_count"]):
+            solver["outer"][side, k, :] = 0.0
 
 
 @kernel
-def step_soft_moments(solver, s):
-    """Take a fraction of a proximal step: towards the impulses at the rates of a full one."""
-    set_moment_rates(solver)
-    for k in range(solver["moment_count"]):
-        moment = solver["moments"][k]
-        p, d = moment["impulse"], _project(moment, solver["rows"][moment["row"]], 1.0)
-        for i in range(3):
-            p[i] += s * (d[i] - p[i])
+def add_to_outer(solver, x, y, z, side):
+    """Add J' (x, y, z) to the vector `outer[side]` of the listed blocks."""
+    for k in range(solver["block_count"]):
+        j = solver["block"][k]
+        for c in range(6):
+            solver["outer"][side, k, c] += j[0, c] * x + j[1, c] * y + j[2, c] * z
 
 
 @kernel
