@@ -11,7 +11,7 @@ from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOO
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import dot
 from touchstone.reference_impl.solver.islands import has_moment
-from touchstone.reference_impl.solver.mobility import final_velocity, relative_turn
+from touchstone.reference_impl.solver.mobility import carry_turn, final_velocity, relative_turn
 
 SLIDE_MIN = 1e-4
 """Sliding speed from which the end of sliding is an event [m/s]: below it, the position error is some 1e-7
@@ -56,7 +56,9 @@ def note_free_slip(bodies, pairs, count, state):
         slip = _slip(pair)
         pair["free_slip"] = along_slip(pair, state["velocity"]) / slip if slip > SLIP_MIN else 0.0
         if has_moment(pair):
-            relative_turn(bodies, pair, pair["free_turn"])
+            w = pair["free_turn"]
+            relative_turn(bodies, pair, w)
+            w[0], w[1], w[2] = carry_turn(pair, w, -1.0)
 
 
 @inlined_kernel
@@ -77,8 +79,9 @@ def first_stop(bodies, pairs, count, h, state):
 def _turn_stop(bodies, pairs, k, h, state):
     """`first_stop` of the rolling and the spin of one manifold, or of one row without a manifold."""
     pair, now, load, moment = pairs[k], state["velocity"], 0.0, state["impulse"]
-    n, before = pair["normal"], pair["turn_before"]
+    n, before = pair["normal"], carry_turn(pair, pair["turn_before"], 1.0)
     relative_turn(bodies, pair, now)
+    now[0], now[1], now[2] = carry_turn(pair, now, -1.0)
     moment[:] = 0.0
     while k >= 0:
         load += max(0.0, dot(pairs[k]["normal"], pairs[k]["resting_impulse"]))

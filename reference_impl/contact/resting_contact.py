@@ -398,7 +398,6 @@ def _prepare_resting_contacts(world, count, h):
     smooth = state["dense_substep"] == 0 and count <= CURVED_ROWS and state["halvings"] < HALVINGS
     for k in range(count):
         pair = pairs[k]
-        copy_vector(pair["normal"], pair["start_normal"])
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, 0.0)
         pair["gap_error"] = 0.0

@@ -105,6 +105,7 @@ EVEN_SWEEPS = 16
 @kernel
 def begin_row(bodies, pair, floor):
     """Initialise a row: its floor, its surface velocities and a zero impulse."""
+    copy_vector(pair["normal"], pair["start_normal"])
     pair["resting_impulse"][:] = 0.0
     pair["floor"] = floor
     pair["bias"][:] = 0.0

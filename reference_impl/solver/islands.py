@@ -29,6 +29,7 @@ from touchstone.reference_impl.solver.hinge_response import (
 )
 from touchstone.reference_impl.solver.link_rows import add_link_mobility
 from touchstone.reference_impl.solver.mobility import (
+    carry_turn,
     contact_mobility,
     meeting_velocity,
     point_velocity,
@@ -234,10 +235,10 @@ def _load_moment(bodies, drivers, pair, lead, state):
     relative_turn(bodies, pair, moment["free"])
     if lead > 0:
         _add_turn_lead(bodies, drivers, pair, lead, moment["free"])
+    before, free = carry_turn(pair, pair["turn_before"], 1.0), carry_turn(pair, moment["free"], -1.0)
     for i in range(3):
         moment["impulse"][i] = u[i] / arm
-        moment["free"][i] *= arm
-        moment["before"][i] = arm * pair["turn_before"][i]
+        moment["free"][i], moment["before"][i] = arm * free[i], arm * before[i]
         for j in range(3):
             w[i, j] *= arm * arm
         if solver["joined"] == 1:
