@@ -55,9 +55,8 @@ from touchstone.reference_impl.solver.moment_rows import (
 )
 from touchstone.reference_impl.solver.tolerances import INTERIOR_BOUNDARY, INTERIOR_CENTRE, NEWTON_MOST
 
-INTERIOR_STEPS, INTERIOR_ALLOWANCE = 120, 5e7
-"""Most steps of the interior-point method (10 to 30 usual, 60 in jams), and multiplications of an island's
-steps for which it runs after the frame's are used up (30 bodies in a heap)."""
+INTERIOR_STEPS = 120
+"""Most steps of the interior-point method (10 to 30 usual, 60 in jams)."""
 INTERIOR_FEW, INTERIOR_MOST = 40, 4e9
 """Most steps of the interior-point method after NEWTON_MOST, and multiplications over the frame's up to which
 it runs, 2 to 3 s; after these, sweeps alone."""
@@ -73,14 +72,14 @@ def interior(solver, afar, state):
     """Find an island's impulses to about INTERIOR_TARGET, or to the target of a dense substep; stores them by
     `keep_best`.
 
-    It does nothing if the frame's budget does not allow INTERIOR_STEPS factorisations.
+    It does nothing if the island is too large, or after INTERIOR_MOST.
 
     Args:
         afar: start without impulses, otherwise near the present ones. From afar it takes more steps, but it
             also converges where the present impulses are misleading.
     """
     fits, work, left = lay_out(solver), solver["work"], state["newton_work"]
-    if not fits or left < -INTERIOR_MOST or INTERIOR_STEPS * work > max(left, INTERIOR_ALLOWANCE):
+    if not fits or left < -INTERIOR_MOST:
         return
     most = INTERIOR_STEPS if left > -NEWTON_MOST else INTERIOR_FEW
     for m in range(solver["mover_count"]):
