@@ -93,8 +93,11 @@ CONE = record(
     determinant="f8",  # of the scaled vectors
     gap=VECTOR,  # error of v
     slope=("f8", (2,)),  # derivative of the shift of v
-    centred=VECTOR,  # change of q that gives certain products
+    side=("f8", (2,)),  # direction of W across the axis
+    kernel=VECTOR,  # eigenvalues of U: along the axis plus and minus that direction, and across both
     lean=("f8", (2,)),  # change of q across per change along the axis, at a fixed v across
+    centred=VECTOR,  # q that a step aims at for v as it is, and its last change
+    added=VECTOR,
     shared="f8",  # of a row's first cone: change of the normal impulse per v, with all its cones
 )
 MOVER = record(
@@ -143,6 +146,7 @@ SOLVER = record(
     moment_count="i8",
     moments=(MOMENT, (MOMENT_CAPACITY,)),
     cone_count="i8",
+    softness="f8",  # of the proximal steps of the interior-point method [1]
     cones=(CONE, (3 * NEWTON_ROWS,)),
     links=(LINK, (LINK_CAPACITY,)),
     # a row's Jacobian: places of its blocks, and their 3 x 6 entries

@@ -9,9 +9,13 @@ lie in the cone |t| <= n and are orthogonal. Here all v and q start inside the c
 solves the linearised equations for products v.q that are equal in all rows and smaller than before, with the
 scaling of Nesterov & Todd and the corrector of Mehrotra. No row is open, stuck or sliding before the end.
 
+A row with rolling or torsional friction has such a cone for each of its bounds (`interior_cones`).
+
 The derivative of the shift makes the matrix unsymmetric. After a short step the method takes less of that
-derivative; without it, each step is one of a convex problem. Vectors are scaled by the square root of the
-row's mass. Newton's method finishes the result.
+derivative; without it, each step is one of a convex problem. Where bodies are wedged, impulses may grow
+without end and still hold them: each step is a proximal one (Friedlander & Orban 2012), which leaves impulses
+that nothing asks to change. Vectors are scaled by the square root of the row's mass. Newton's method finishes
+the result.
 """
 
 from math import sqrt
@@ -37,8 +41,10 @@ from touchstone.reference_impl.solver.envelope import (
 from touchstone.reference_impl.solver.interior_cones import (
     along_axes,
     correction,
+    mean_square,
     on_axes,
     set_cones,
+    set_kernels,
     set_scaling,
     stiffness,
     unscale,
@@ -60,11 +66,12 @@ INTERIOR_STEPS = 120
 INTERIOR_FEW, INTERIOR_MOST = 40, 4e9
 """Most steps of the interior-point method after NEWTON_MOST, and multiplications over the frame's up to which
 it runs, 2 to 3 s; after these, sweeps alone."""
-INTERIOR_TARGET, INTERIOR_LEAST, INTERIOR_STALLS = 1e-8, 1e-6, 4
-"""Residual at which it ends and leaves the rest to Newton's method, except in dense substeps; residual below
-which it ends where rounding stops it, and steps that tell so [m/s]."""
-INTERIOR_SHORT, INTERIOR_LONG = 0.1, 0.8
-"""Shares of a full step below which it takes less of the derivative of friction, and above which more [1]."""
+INTERIOR_TARGET, INTERIOR_STALLS = 1e-8, 4
+"""Residual at which it ends and leaves the rest to Newton's method [m/s]; in dense substeps it goes on to
+their target, and ends after so many steps that do not halve the residual."""
+INTERIOR_SHORT, INTERIOR_LONG, INTERIOR_CEILING = 0.1, 0.8, 0.9
+"""Shares of a full step below which it takes less of the derivative of friction, and above which more; and
+ratio to a share that was too large to which it returns at most: otherwise it may cycle [1]."""
 
 
 @kernel
@@ -90,7 +97,7 @@ def interior(solver, afar, state):
     else:
         begin_near(solver)
     target = solver["target"] if state["dense_substep"] == 1 else INTERIOR_TARGET
-    share, least, stalled = 1.0, 1e300, 0
+    share, ceiling, least, stalled = 1.0, 1.0, 1e300, 0
     for _ in range(most):
         _set_impulses(solver)
         inside, mean, gap = set_scaling(solver, share)
@@ -100,8 +107,9 @@ def interior(solver, afar, state):
         keep_best(solver, residual)
         stalled = stalled + 1 if residual > least / 2 else 0
         least = min(least, residual)
-        if residual <= target or (stalled >= INTERIOR_STALLS and least <= INTERIOR_LEAST):
+        if residual <= target or (stalled >= INTERIOR_STALLS and least <= INTERIOR_TARGET):
             break
+        set_kernels(solver, mean / mean_square(solver))
         begin_matrix(solver)
         _add_derivatives(solver)
         factorise(solver)
@@ -116,9 +124,10 @@ def interior(solver, afar, state):
         _solve(solver)
         length = INTERIOR_BOUNDARY * _longest(solver, 1 / INTERIOR_BOUNDARY)
         if length < INTERIOR_SHORT:
+            ceiling = INTERIOR_CEILING * share if share > 0.5 else ceiling
             share = max(0.0, share - 0.5)
         elif length > INTERIOR_LONG:
-            share = min(1.0, share + 0.25)
+            share = min(ceiling, share + 0.25)
         _advance(solver, length)
 
 
@@ -203,8 +212,8 @@ def _add_shared(solver, row):
 
 @kernel
 def _begin_gradient(solver):
-    """Compute the gradient of a step towards products v.q of 0, and set the cones' `centred` to 0."""
-    movers, g = solver["movers"], solver["gradient"]
+    """Compute the gradient of a step towards products v.q of 0; sets the cones' `centred`."""
+    movers, g, softness = solver["movers"], solver["gradient"], solver["softness"]
     for m in range(solver["mover_count"]):
         mover = movers[m]
         base, inertia, v, w = 6 * mover["place"], mover["inertia"], mover["velocity"], mover["omega"]
@@ -213,71 +222,66 @@ def _begin_gradient(solver):
             g[base + 3 + i] = inertia[i, 0] * w[0] + inertia[i, 1] * w[1] + inertia[i, 2] * w[2]
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        first = row["first_cone"]
-        cone = solver["cones"][first]
-        gap, slope = cone["gap"], cone["slope"]
-        x = gap[0] + slope[0] * gap[1] + slope[1] * gap[2]
-        if row["cone_count"] == 1:
-            x, y, z = unscale(cone, x, gap[1], gap[2])
+        first, meeting = row["first_cone"], 0.0
+        for c in range(first, first + row["cone_count"]):
+            cone = solver["cones"][c]
+            gap, slope, q = cone["gap"], cone["slope"], cone["load"]
+            meeting += gap[0] + slope[0] * gap[1] + slope[1] * gap[2]
+            x, y, z = unscale(cone, softness * q[0], softness * q[1], softness * q[2])
+            cone["added"][0], cone["added"][1], cone["added"][2] = x, y, z
             cone["centred"][:] = 0.0
-            _subtract_change(solver, row, cone, x, y, z)
-            continue
-        for c in range(first, first + row["cone_count"]):
-            other = solver["cones"][c]
-            gap, lean, slope = other["gap"], other["lean"], other["slope"]
-            x += lean[0] * gap[1] + lean[1] * gap[2]
-            x += slope[0] * gap[1] + slope[1] * gap[2] if c > first else 0.0
-        x *= cone["shared"]
-        for c in range(first, first + row["cone_count"]):
-            other = solver["cones"][c]
-            gap, lean = other["gap"], other["lean"]
-            y, z = unscale_across(other, gap[1], gap[2])
-            other["centred"][:] = 0.0
-            _subtract_change(solver, row, other, x, y + lean[0] * x, z + lean[1] * x)
+        _subtract_step(solver, row, meeting, 1.0)
 
 
 @kernel
 def _correct_gradient(solver, goal):
     """Change the gradient for products v.q of `goal`, and for the product of the changes of v and q of the
-    step solved last; sets the cones' `centred`."""
+    step solved last; adds to the cones' `centred`."""
+    softness = solver["softness"]
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        first, total = row["first_cone"], 0.0
+        first = row["first_cone"]
         for c in range(first, first + row["cone_count"]):
             cone = solver["cones"][c]
-            u, centred, stretch = cone["speed"], cone["centred"], cone["stretch"]
+            u, added, stretch = cone["speed"], cone["added"], cone["stretch"]
             x, y, z = correction(cone)
             # goal / (v_n^2 - |v_t|^2)
             part = goal / (cone["determinant"] * stretch * stretch)
-            centred[0], centred[1], centred[2] = part * u[0] - x, -part * u[1] - y, -part * u[2] - z
-            total += centred[0] / stiffness(cone)
-        cone = solver["cones"][first]
-        if row["cone_count"] == 1:
-            x, y, z = cone["centred"][0], cone["centred"][1], cone["centred"][2]
-            _subtract_change(solver, row, cone, x, y, z)
-            continue
-        j = cone["shared"] * total
-        for c in range(first, first + row["cone_count"]):
-            cone = solver["cones"][c]
-            x, lean = cone["centred"], cone["lean"]
-            rest = j - x[0]
-            _subtract_change(solver, row, cone, j, x[1] + lean[0] * rest, x[2] + lean[1] * rest)
+            x, y, z = part * u[0] - x, -part * u[1] - y, -part * u[2] - z
+            one, two, three = unscale(cone, softness * x, softness * y, softness * z)
+            added[0], added[1], added[2] = x - one, y - two, z - three
+        _subtract_step(solver, row, 0.0, 0.0)
 
 
 @kernel
-def _subtract_change(solver, row, cone, x, y, z):
-    """Subtract J^T p of a row or its moment from the gradient, with p the impulse of a change (x, y, z) of
-    q."""
-    x, y, z = along_axes(cone, x, y, z)
-    if cone["moment"] < 0:
-        subtract_impulse(solver, row, x, y, z)
-    else:
-        subtract_moment(solver, solver["moments"][cone["moment"]], x, y, z)
+def _subtract_step(solver, row, meeting, share):
+    """Subtract the impulses of a row from the gradient that it has where its velocity does not change: those
+    of the cones' `added`, and with a share of 1 those that close the gaps of their v."""
+    first = row["first_cone"]
+    end, total = first + row["cone_count"], 0.0
+    for c in range(first, end):
+        cone = solver["cones"][c]
+        for i in range(3):
+            cone["centred"][i] += cone["added"][i]
+        lean, gap = cone["lean"], cone["gap"]
+        total += cone["added"][0] / stiffness(cone) + share * (lean[0] * gap[1] + lean[1] * gap[2])
+    j = solver["cones"][first]["shared"] * (total + meeting)
+    for c in range(first, end):
+        cone = solver["cones"][c]
+        lean, added, gap = cone["lean"], cone["added"], cone["gap"]
+        y, z = unscale_across(cone, share * gap[1], share * gap[2])
+        rest = j - added[0]
+        x, y, z = along_axes(cone, j, added[1] + y + lean[0] * rest, added[2] + z + lean[1] * rest)
+        if cone["moment"] < 0:
+            subtract_impulse(solver, row, x, y, z)
+        else:
+            subtract_moment(solver, solver["moments"][cone["moment"]], x, y, z)
 
 
 @kernel
 def _solve(solver):
     """Solve for the step of the present gradient, and set those of v and q of all cones."""
+    softness = solver["softness"]
     solve_factors(solver)
     set_rates(solver)
     set_moment_rates(solver)
@@ -287,15 +291,13 @@ def _solve(solver):
         for c in range(first, first + row["cone_count"]):
             cone = solver["cones"][c]
             d = row["rate"] if cone["moment"] < 0 else solver["moments"][cone["moment"]]["rate"]
-            gap, slope, u = cone["gap"], cone["slope"], cone["speed_step"]
+            gap, slope, u, lean = cone["gap"], cone["slope"], cone["speed_step"], cone["lean"]
             x, y, z = on_axes(cone, d[0], d[1], d[2])
             y, z = y - gap[1], z - gap[2]
-            normal += x + (slope[0] * y + slope[1] * z - gap[0])
+            normal += x + slope[0] * y + slope[1] * z - gap[0]
             u[0], u[1], u[2] = normal, y, z
-            if row["cone_count"] > 1:
-                lean = cone["lean"]
-                total += cone["centred"][0] / stiffness(cone) - lean[0] * y - lean[1] * z
-        j = solver["cones"][first]["shared"] * (total - normal) if row["cone_count"] > 1 else 0.0
+            total += cone["centred"][0] / stiffness(cone) - lean[0] * y - lean[1] * z
+        j = solver["cones"][first]["shared"] * (total - normal)
         for c in range(first, first + row["cone_count"]):
             cone = solver["cones"][c]
             u, p, q, centred = cone["speed_step"], cone["load_step"], cone["load"], cone["centred"]
@@ -304,6 +306,8 @@ def _solve(solver):
                 u[0] = (centred[0] - j) / stiffness(cone) - lean[0] * u[1] - lean[1] * u[2]
             x, y, z = unscale(cone, u[0], u[1], u[2])
             p[0], p[1], p[2] = centred[0] - q[0] - x, centred[1] - q[1] - y, centred[2] - q[2] - z
+            for i in range(3):
+                u[i] += softness * p[i]
 
 
 @kernel

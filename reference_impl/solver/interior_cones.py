@@ -1,16 +1,18 @@
 """Cones of the interior-point method (`contact_interior`): their vectors v and q, scaling and derivatives.
 
 Each row has a cone for its friction, and one for each bound of its moment: across the normal and along it.
-All cones of a row share its normal impulse j, and so the first component of their q; the first components a
-of their v add up to the row's normal velocity over its floor plus its shift. A step changes q of a cone by
-c - q - U dv, with U = W^-2 and c the `centred` change. With U_n its first entry, U_t the column below it, the
-lean b = U_t / U_n and S the Schur complement of U_n, the changes da of a row add up to what its velocity asks
-if
+The cones of a row share its normal impulse j, the first component of their q; the first components of their v
+add up to the row's normal velocity over its floor, plus its shift.
 
-    1 / h = sum of 1 / U_n,  K = h (1, b) (1, b + slope)' + S,
+With c the q that a step aims at while v stays, it changes q by c - q - U dv. U is the inverse of W^2 + d,
+with W the scaling of Nesterov & Todd and d the softness of a proximal step, the mean of v.q over that of q.q:
+it vanishes with v.q. With U_n the first entry of U, U_t the column below it, the lean b = U_t / U_n and the
+Schur complement S of U_n, minus the derivative of (j, q_t of all cones) with respect to the row's normal
+velocity and the v_t is
 
-where K is minus the derivative of (j, q_t, ...) with respect to (v_n, v_t, ...): of rank one over all cones
-of the row together, plus a block for each.
+    K = h (1, b) (1, b + slope)' + S,  1 / h = sum of 1 / U_n:
+
+of rank one over all cones of the row, and a block for each.
 """
 
 from math import frexp, ldexp, sqrt
@@ -135,8 +137,6 @@ def set_scaling(solver, share):
             total += product
             _scale(cone, across, other, product)
         largest = max(largest, abs(solver["cones"][first]["gap"][0]))
-        if row["cone_count"] > 1:
-            _share(solver, row)
     return True, total / solver["cone_count"], largest
 
 
@@ -155,23 +155,49 @@ def _scale(cone, across, other, product):
 
 
 @kernel
-def _share(solver, row):
-    """Set the lean b of all cones of a row, and the change h of their normal impulse."""
-    first, total = row["first_cone"], 0.0
-    for c in range(first, first + row["cone_count"]):
-        cone = solver["cones"][c]
-        w, lean = cone["scaling"], cone["lean"]
-        total += 1 / stiffness(cone)
-        part = -2 * w[0] / (2 * w[0] * w[0] - 1)
-        lean[0], lean[1] = part * w[1], part * w[2]
-    solver["cones"][first]["shared"] = 1 / total
+def set_kernels(solver, softness):
+    """Set U of all cones, the lean b, and the change h of the normal impulse of the rows with several."""
+    solver["softness"] = softness
+    for k in range(solver["row_count"]):
+        row = solver["rows"][k]
+        first, total = row["first_cone"], 0.0
+        for c in range(first, first + row["cone_count"]):
+            cone = solver["cones"][c]
+            w, side, u, lean, square = (
+                cone["scaling"],
+                cone["side"],
+                cone["kernel"],
+                cone["lean"],
+                cone["stretch"] * cone["stretch"],
+            )
+            size = sqrt(w[1] * w[1] + w[2] * w[2])
+            side[0], side[1] = (w[1] / size, w[2] / size) if size > 0 else (1.0, 0.0)
+            most = (w[0] + size) * (w[0] + size)
+            u[0], u[1], u[2] = (
+                1 / (square * most + softness),
+                1 / (square / most + softness),
+                1 / (square + softness),
+            )
+            part = (u[0] - u[1]) / (u[0] + u[1])
+            lean[0], lean[1] = part * side[0], part * side[1]
+            total += 1 / stiffness(cone)
+        solver["cones"][first]["shared"] = 1 / total
+
+
+@kernel
+def mean_square(solver):
+    """Mean square of q over all cones [m^2/s^2]."""
+    total = 0.0
+    for c in range(solver["cone_count"]):
+        q = solver["cones"][c]["load"]
+        total += q[0] * q[0] + q[1] * q[1] + q[2] * q[2]
+    return total / solver["cone_count"]
 
 
 @inlined_kernel
 def stiffness(cone):
     """First entry of U."""
-    w = cone["scaling"]
-    return (2 * w[0] * w[0] - 1) / (cone["stretch"] * cone["stretch"])
+    return (cone["kernel"][0] + cone["kernel"][1]) / 2
 
 
 @inlined_kernel
@@ -186,18 +212,20 @@ def scaled(cone, sign, a, b, c):
 
 @inlined_kernel
 def unscale(cone, x, y, z):
-    """Apply U = W^-2 to a vector: a change of v becomes a change of q."""
-    w, factor = cone["scaling"], 1 / (cone["stretch"] * cone["stretch"])
-    double = 2 * (w[0] * x - w[1] * y - w[2] * z)
-    return factor * (double * w[0] - x), factor * (y - double * w[1]), factor * (z - double * w[2])
+    """Apply U to a vector: a change of v becomes a change of q."""
+    side, u = cone["side"], cone["kernel"]
+    along = side[0] * y + side[1] * z
+    one, two = u[0] * (x + along) / 2, u[1] * (x - along) / 2
+    part = one - two - u[2] * along
+    return one + two, part * side[0] + u[2] * y, part * side[1] + u[2] * z
 
 
 @inlined_kernel
 def unscale_across(cone, y, z):
     """Apply the Schur complement S of U to a vector across the axis."""
-    w, factor = cone["scaling"], 1 / (cone["stretch"] * cone["stretch"])
-    part = 2 * (w[1] * y + w[2] * z) / (2 * w[0] * w[0] - 1)
-    return factor * (y - part * w[1]), factor * (z - part * w[2])
+    side, u = cone["side"], cone["kernel"]
+    part = (2 * u[0] * u[1] / (u[0] + u[1]) - u[2]) * (side[0] * y + side[1] * z)
+    return part * side[0] + u[2] * y, part * side[1] + u[2] * z
 
 
 @inlined_kernel
