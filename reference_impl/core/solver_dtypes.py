@@ -96,8 +96,8 @@ CONE = record(
     side=("f8", (2,)),  # direction of W across the axis
     kernel=VECTOR,  # eigenvalues of U: along the axis plus and minus that direction, and across both
     lean=("f8", (2,)),  # change of q across per change along the axis, at a fixed v across
-    centred=VECTOR,  # q that a step aims at for v as it is, and its last change
-    added=VECTOR,
+    centred=VECTOR,  # q that a step aims at while v stays, and the same of a proximal step
+    aim=VECTOR,
     shared="f8",  # of a row's first cone: change of the normal impulse per v, with all its cones
 )
 MOVER = record(

@@ -115,13 +115,11 @@ def interior(solver, afar, state):
         factorise(solver)
         state["counters"][COUNT_FACTORS] += 1
         state["newton_work"] -= work
-        _begin_gradient(solver)
-        _solve(solver)
+        _solve(solver, 0.0)
         length = _longest(solver, 1.0)
         # products that vanish before the gaps do leave the method at the boundary, far from a solution
         goal = max(max(INTERIOR_CENTRE, (1 - length) ** 3) * mean, min(mean, gap * gap))
-        _correct_gradient(solver, goal)
-        _solve(solver)
+        _solve(solver, goal)
         length = INTERIOR_BOUNDARY * _longest(solver, 1 / INTERIOR_BOUNDARY)
         if length < INTERIOR_SHORT:
             ceiling = INTERIOR_CEILING * share if share > 0.5 else ceiling
@@ -211,9 +209,25 @@ def _add_shared(solver, row):
 
 
 @kernel
-def _begin_gradient(solver):
-    """Compute the gradient of a step towards products v.q of 0; sets the cones' `centred`."""
-    movers, g, softness = solver["movers"], solver["gradient"], solver["softness"]
+def _centre(solver, goal):
+    """Set the cones' `centred` for products v.q of `goal`, less the product of the changes of v and q of the
+    step solved last; for a goal of 0, to 0."""
+    for c in range(solver["cone_count"]):
+        cone = solver["cones"][c]
+        u, centred, stretch = cone["speed"], cone["centred"], cone["stretch"]
+        if goal == 0:
+            centred[:] = 0.0
+            continue
+        x, y, z = correction(cone)
+        # goal / (v_n^2 - |v_t|^2)
+        part = goal / (cone["determinant"] * stretch * stretch)
+        centred[0], centred[1], centred[2] = part * u[0] - x, -part * u[1] - y, -part * u[2] - z
+
+
+@kernel
+def _set_gradient(solver):
+    """Compute the gradient of a step to the cones' `centred`."""
+    movers, g = solver["movers"], solver["gradient"]
     for m in range(solver["mover_count"]):
         mover = movers[m]
         base, inertia, v, w = 6 * mover["place"], mover["inertia"], mover["velocity"], mover["omega"]
@@ -222,56 +236,49 @@ def _begin_gradient(solver):
             g[base + 3 + i] = inertia[i, 0] * w[0] + inertia[i, 1] * w[1] + inertia[i, 2] * w[2]
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
-        first, meeting = row["first_cone"], 0.0
-        for c in range(first, first + row["cone_count"]):
-            cone = solver["cones"][c]
-            gap, slope, q = cone["gap"], cone["slope"], cone["load"]
-            meeting += gap[0] + slope[0] * gap[1] + slope[1] * gap[2]
-            x, y, z = unscale(cone, softness * q[0], softness * q[1], softness * q[2])
-            cone["added"][0], cone["added"][1], cone["added"][2] = x, y, z
-            cone["centred"][:] = 0.0
-        _subtract_step(solver, row, meeting, 1.0)
+        if row["cone_count"] > 1:
+            _subtract_shared(solver, row)
+            continue
+        cone = solver["cones"][row["first_cone"]]
+        gap, slope, c, (x, y, z) = cone["gap"], cone["slope"], cone["centred"], _drift(solver, cone)
+        x += gap[0] + slope[0] * gap[1] + slope[1] * gap[2]
+        x, y, z = unscale(cone, x, y + gap[1], z + gap[2])
+        x, y, z = along_axes(cone, c[0] + x, c[1] + y, c[2] + z)
+        subtract_impulse(solver, row, x, y, z)
+
+
+@inlined_kernel
+def _drift(solver, cone):
+    """Change of v by which a proximal step holds back the change of q to `centred`."""
+    softness, q, c = solver["softness"], cone["load"], cone["centred"]
+    return softness * (q[0] - c[0]), softness * (q[1] - c[1]), softness * (q[2] - c[2])
 
 
 @kernel
-def _correct_gradient(solver, goal):
-    """Change the gradient for products v.q of `goal`, and for the product of the changes of v and q of the
-    step solved last; adds to the cones' `centred`."""
-    softness = solver["softness"]
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        first = row["first_cone"]
-        for c in range(first, first + row["cone_count"]):
-            cone = solver["cones"][c]
-            u, added, stretch = cone["speed"], cone["added"], cone["stretch"]
-            x, y, z = correction(cone)
-            # goal / (v_n^2 - |v_t|^2)
-            part = goal / (cone["determinant"] * stretch * stretch)
-            x, y, z = part * u[0] - x, -part * u[1] - y, -part * u[2] - z
-            one, two, three = unscale(cone, softness * x, softness * y, softness * z)
-            added[0], added[1], added[2] = x - one, y - two, z - three
-        _subtract_step(solver, row, 0.0, 0.0)
-
-
-@kernel
-def _subtract_step(solver, row, meeting, share):
-    """Subtract the impulses of a row from the gradient that it has where its velocity does not change: those
-    of the cones' `added`, and with a share of 1 those that close the gaps of their v."""
-    first = row["first_cone"]
-    end, total = first + row["cone_count"], 0.0
+def _subtract_shared(solver, row):
+    """Subtract the impulses of a row with several cones from the gradient, and set the cones' `aim`."""
+    first, total = row["first_cone"], 0.0
+    end = first + row["cone_count"]
     for c in range(first, end):
         cone = solver["cones"][c]
-        for i in range(3):
-            cone["centred"][i] += cone["added"][i]
-        lean, gap = cone["lean"], cone["gap"]
-        total += cone["added"][0] / stiffness(cone) + share * (lean[0] * gap[1] + lean[1] * gap[2])
-    j = solver["cones"][first]["shared"] * (total + meeting)
+        lean, slope, gap, aim, (x, y, z) = (
+            cone["lean"],
+            cone["slope"],
+            cone["gap"],
+            cone["aim"],
+            _drift(solver, cone),
+        )
+        x, y, z = unscale(cone, x, y, z)
+        aim[0], aim[1], aim[2] = cone["centred"][0] + x, cone["centred"][1] + y, cone["centred"][2] + z
+        total += aim[0] / stiffness(cone) + gap[0]
+        total += (lean[0] + slope[0]) * gap[1] + (lean[1] + slope[1]) * gap[2]
+    j = solver["cones"][first]["shared"] * total
     for c in range(first, end):
         cone = solver["cones"][c]
-        lean, added, gap = cone["lean"], cone["added"], cone["gap"]
-        y, z = unscale_across(cone, share * gap[1], share * gap[2])
-        rest = j - added[0]
-        x, y, z = along_axes(cone, j, added[1] + y + lean[0] * rest, added[2] + z + lean[1] * rest)
+        lean, aim = cone["lean"], cone["aim"]
+        y, z = unscale_across(cone, cone["gap"][1], cone["gap"][2])
+        rest = j - aim[0]
+        x, y, z = along_axes(cone, j, aim[1] + y + lean[0] * rest, aim[2] + z + lean[1] * rest)
         if cone["moment"] < 0:
             subtract_impulse(solver, row, x, y, z)
         else:
@@ -279,9 +286,11 @@ def _subtract_step(solver, row, meeting, share):
 
 
 @kernel
-def _solve(solver):
-    """Solve for the step of the present gradient, and set those of v and q of all cones."""
+def _solve(solver, goal):
+    """Solve for the step to products v.q of `goal` (`_centre`), and set those of v and q of all cones."""
     softness = solver["softness"]
+    _centre(solver, goal)
+    _set_gradient(solver)
     solve_factors(solver)
     set_rates(solver)
     set_moment_rates(solver)
@@ -296,15 +305,16 @@ def _solve(solver):
             y, z = y - gap[1], z - gap[2]
             normal += x + slope[0] * y + slope[1] * z - gap[0]
             u[0], u[1], u[2] = normal, y, z
-            total += cone["centred"][0] / stiffness(cone) - lean[0] * y - lean[1] * z
-        j = solver["cones"][first]["shared"] * (total - normal)
+            if row["cone_count"] > 1:
+                total += cone["aim"][0] / stiffness(cone) - lean[0] * y - lean[1] * z
         for c in range(first, first + row["cone_count"]):
             cone = solver["cones"][c]
             u, p, q, centred = cone["speed_step"], cone["load_step"], cone["load"], cone["centred"]
             if row["cone_count"] > 1:
-                lean = cone["lean"]
-                u[0] = (centred[0] - j) / stiffness(cone) - lean[0] * u[1] - lean[1] * u[2]
-            x, y, z = unscale(cone, u[0], u[1], u[2])
+                lean, j = cone["lean"], solver["cones"][first]["shared"] * (total - normal)
+                u[0] = (cone["aim"][0] - j) / stiffness(cone) - lean[0] * u[1] - lean[1] * u[2]
+            x, y, z = _drift(solver, cone)
+            x, y, z = unscale(cone, u[0] - x, u[1] - y, u[2] - z)
             p[0], p[1], p[2] = centred[0] - q[0] - x, centred[1] - q[1] - y, centred[2] - q[2] - z
             for i in range(3):
                 u[i] += softness * p[i]

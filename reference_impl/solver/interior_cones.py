@@ -178,10 +178,11 @@ def set_kernels(solver, softness):
                 1 / (square / most + softness),
                 1 / (square + softness),
             )
-            part = (u[0] - u[1]) / (u[0] + u[1])
-            lean[0], lean[1] = part * side[0], part * side[1]
-            total += 1 / stiffness(cone)
-        solver["cones"][first]["shared"] = 1 / total
+            if row["cone_count"] > 1:
+                part = (u[0] - u[1]) / (u[0] + u[1])
+                lean[0], lean[1] = part * side[0], part * side[1]
+                total += 1 / stiffness(cone)
+                solver["cones"][first]["shared"] = 1 / total
 
 
 @kernel
