@@ -38,6 +38,7 @@ LOOPS = ("connect", "weld", "flex", "distance")
 """Equality constraints that close a loop of bodies."""
 PLAIN_WORDS = {
     "inertia must have positive eigenvalues": "its inertia has a moment of zero or less, which no body has",
+    "must be larger than mjMINVAL": "joints move it, but it has no mass or no inertia",
     "inertia must satisfy A + B >= C": "a moment of inertia exceeds the sum of the others, as in no body",
 }
 """Faults that MuJoCo names by how it computes -> what is wrong in the file."""
@@ -224,12 +225,13 @@ def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...
         text = " ".join(str(error).split()).removeprefix("XML Error: ").removeprefix("Error: ")
         found = re.search(r"Element name '([^']*)'", text)
         line = re.search(r"line (\d+)", text)
-        element = _named(root, found[1]) if found else None
+        tag = re.search(r"Element '([^']*)'", text)
+        element = _named(root, found[1]) if found else _at(root, path, line, tag)
         reason = re.sub(r",? ?(Element (name )?'[^']*'(, (id|line) -?\d+)?|line \d+)", "", text).strip()
         reason = next((plain for words, plain in PLAIN_WORDS.items() if words in reason), reason)
         if element is not None:
-            raise RobotError(element.named(reason)) from error
-        tag = re.search(r"Element '([^']*)'", text)
+            given = element.attributes.get(re.sub(r".* attribute:? '(.*)'.*", r"\1", reason))
+            raise RobotError(element.named(f"{reason}: found {given!r}" if given else reason)) from error
         place = f"{path}:{line[1]}" if line else f"{path}"
         reason = f"{tag[1]}: {reason}" if tag and line else reason
         raise RobotError(f"{place}: {reason}") from error
@@ -242,6 +244,12 @@ def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...
             element = _named(root, name)
             raise RobotError(element.named(reason) if element else f"{path}: body {name!r}: {reason}")
     return model, tuple(warned)
+
+
+def _at(root: Element, path: Path, line: re.Match[str] | None, tag: re.Match[str] | None) -> Element | None:
+    """The element of a tag in a line of the robot's own file."""
+    asked = (path, int(line[1]), tag[1]) if line and tag else None
+    return next((one for one in root.walk() if (one.file, one.line, one.tag) == asked), None)
 
 
 def _named(root: Element, name: str) -> Element | None:

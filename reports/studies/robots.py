@@ -44,7 +44,7 @@ def robots_below(folders: Iterable[Path]) -> dict[str, tuple[Path, str]]:
             head = path.open("rb").read(MOST_HEAD)
             form = next((form for form, root in ROOTS.items() if root in head), "")
             if form:
-                found.append((Path(folder.name) / path.relative_to(folder), path, form))
+                found.append((Path(folder.resolve().name) / path.relative_to(folder), path, form))
     short = Counter(Path(name.parts[0]) / name.name for name, _, _ in found)
     names = ((Path(name.parts[0]) / name.name, name) for name, _, _ in found)
     return {

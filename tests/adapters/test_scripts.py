@@ -104,7 +104,7 @@ def test_a_script_prints_the_recording(registry, engine, profile, scene, tmp_pat
 def test_names_of_scripts_may_hold_any_character(registry, engine, tmp_path):
     """Quotes, backslashes, braces and markup in the names of scene and bodies are printed as they are."""
     needs(engine)
-    scene, odd = catalogue()["bounce_e05"], '\\\\ \\n """ \'\'\' {0} <a&b> %s'
+    scene, odd = catalogue()["bounce_e05"], "\\\\ \\n \"\"\" ''' {0} <a&b> %s"
     bodies = tuple(replace(body, name=f"{odd}{k}") for k, body in enumerate(scene.bodies))
     scene = replace(scene, name=odd, summary=odd, bodies=bodies, truths=(), expectations=(), forces=())
     own, path = settings(engine, "default"), tmp_path / "script.py"

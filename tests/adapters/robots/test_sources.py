@@ -105,6 +105,14 @@ def test_tendons_of_joints_and_skins_are_noted(load):
             "robot.urdf:2: xacro:macro 'leg': not expanded; do it before: xacro robot.urdf > expanded.urdf",
         ),
         (
+            robot(link("a", INERTIAL.replace('"1"', '"${m}"'))),
+            "robot.urdf:2: mass: not expanded; do it before: xacro robot.urdf > expanded.urdf",
+        ),
+        (
+            robot(link("a", INERTIAL.replace('"1"', '"1,5"'))),
+            "robot.urdf:2: mass: bad format in attribute 'value': found '1,5'",
+        ),
+        (
             "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n",
             "robot.urdf: a Git LFS pointer, not the file itself; fetch it by: git lfs pull",
         ),

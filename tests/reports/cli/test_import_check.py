@@ -39,6 +39,8 @@ def test_robots_of_a_folder_are_listed_by_result(touchstone, robots, tmp_path):
     found = {(row["scenario"], row["metric"]): row for row in csv.DictReader(io.StringIO(out))}
     assert {scene for scene, _ in found} == {"robots/a/arm.urdf", "robots/b/arm.urdf", "robots/planar.urdf"}
     assert float(found["robots/b/arm.urdf", "robot.mass"]["value"]) <= 1e-9
+    code, out, _ = touchstone("import --check . --out here --format csv")
+    assert {row["scenario"].partition("/")[0] for row in csv.DictReader(io.StringIO(out))} == {tmp_path.name}
     from touchstone.reports.docs.measurements import page_of
 
     name, text, _ = page_of(tmp_path / "found")
