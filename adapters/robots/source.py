@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -42,8 +40,12 @@ PLAIN_WORDS = {
     "inertia must satisfy A + B >= C": "a moment of inertia exceeds the sum of the others, as in no body",
 }
 """Faults that MuJoCo names by how it computes -> what is wrong in the file."""
-FILES = {"mesh": "meshdir", "texture": "texturedir", "hfield": "", "skin": "", "include": ""}
+FILES = {"mesh": "meshdir", "texture": "texturedir", "hfield": "", "skin": ""}
 """MJCF elements that name a file, and the compiler's attribute with its folder."""
+
+
+DEEPEST_INCLUDE = 20
+"""Files that include each other, beyond which MuJoCo says what is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,43 +160,41 @@ def _massless(root: Element) -> list[str]:
     ]
 
 
-def _check_mjcf(
-    root: Element,
-    path: Path,
-    allow_paths: bool,
-    seen: tuple[Path, ...] = (),
-    inherited: Mapping[str, str] = MappingProxyType({}),
-) -> None:
-    """Refuse elements that cannot be kept; included files become part of the tree.
-
-    Args:
-        inherited: folders of files that the compiler of an including file names.
-    """
-    faults: list[str] = []
-    folders = dict(inherited)
+def _check_mjcf(root: Element, path: Path, allow_paths: bool) -> None:
+    """Refuse elements that cannot be kept; included files become part of the tree."""
+    faults = _include(root, path, allow_paths)
+    folders: dict[str, str] = {}
     for compiler in (one for one in root.walk() if one.tag == "compiler"):
         folders |= {key: value for key, value in compiler.attributes.items() if key.endswith("dir")}
-    for element in list(root.walk()):
-        inner = [one for one in element.children if one.tag not in ("default",)]
+    for element in root.walk():
         if element.tag in REFUSED_MJCF:
             faults.append(element.named(REFUSED_MJCF[element.tag]))
         elif element.tag == "equality":
-            loops = (one for one in inner if one.tag in LOOPS)
+            loops = (one for one in element.children if one.tag in LOOPS)
             faults += [one.named("a closed loop cannot be kept") for one in loops]
         name = element.attributes.get("file")
         if element.tag in FILES and name:
+            below = folders.get(FILES[element.tag]) or folders.get("assetdir", "")
             try:
-                below = folders.get(FILES[element.tag]) or folders.get("assetdir", "")
-                below = "" if element.tag == "include" else below
-                file = found_file(element, path.parent, str(Path(below) / name), allow_paths)
-                if element.tag == "include" and file not in seen and len(seen) < 20:
-                    included = parsed(file)
-                    _check_mjcf(included, path, allow_paths, (*seen, file), folders)
-                    element.children = [included]
+                found_file(element, path.parent, str(Path(below) / name), allow_paths)
             except RobotError as error:
                 faults.append(str(error))
     if faults:
         raise RobotError("\n".join(faults))
+
+
+def _include(root: Element, path: Path, allow_paths: bool, seen: tuple[Path, ...] = ()) -> list[str]:
+    """Put the files that elements include below these; returns what is wrong."""
+    faults: list[str] = []
+    for element in [one for one in root.walk() if one.tag == "include"]:
+        try:
+            file = found_file(element, path.parent, element.attributes.get("file", ""), allow_paths)
+            if file not in seen and len(seen) < DEEPEST_INCLUDE:
+                element.children = [parsed(file)]
+                faults += _include(element.children[0], path, allow_paths, (*seen, file))
+        except RobotError as error:
+            faults.append(str(error))
+    return faults
 
 
 def _mjcf_spec(root: Element, path: Path) -> Any:

@@ -17,15 +17,16 @@ ARM_IN = "import robots/a/arm.urdf --as arm"
 
 @pytest.fixture
 def robots(tmp_path):
-    """A folder with two robots of one file name, one that is refused, and a file that is no robot."""
+    """A folder with two robots of one file name, one that is refused, and two files that are no robots."""
     for name, text in {
         "a/arm.urdf": ARM,
         "b/arm.urdf": ARM.replace('value="2"', 'value="3"'),
         "c/planar.urdf": ARM.replace("revolute", "planar"),
         "d/other.xml": "<note/>",
+        "d/part.xml": "<mujocoinclude><asset/></mujocoinclude>",
     }.items():
         path = tmp_path / "robots" / name
-        path.parent.mkdir(parents=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
 
 
