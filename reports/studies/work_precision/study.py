@@ -266,7 +266,7 @@ LEGEND = "line: front over an engine's settings; faint: the others; bar: rounds 
 
 
 def draw(table: pd.DataFrame, folder: Path) -> list[Path]:
-    """Write a picture per quantity, `work_precision_QUANTITY`, as SVG and PNG."""
+    """Write a picture per quantity, with its name in the name of the file, as SVG and PNG."""
     usable = table[(table.quantity != "") & table.time.notna() & np.isfinite(table.error)]
     written = []
     for quantity in (name for name in QUANTITIES if name in set(usable.quantity)):
