@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -38,11 +36,16 @@ LOOPS = ("connect", "weld", "flex", "distance")
 """Equality constraints that close a loop of bodies."""
 PLAIN_WORDS = {
     "inertia must have positive eigenvalues": "its inertia has a moment of zero or less, which no body has",
+    "must be larger than mjMINVAL": "joints move it, but it has no mass or no inertia",
     "inertia must satisfy A + B >= C": "a moment of inertia exceeds the sum of the others, as in no body",
 }
 """Faults that MuJoCo names by how it computes -> what is wrong in the file."""
-FILES = {"mesh": "meshdir", "texture": "texturedir", "hfield": "", "skin": "", "include": ""}
+FILES = {"mesh": "meshdir", "texture": "texturedir", "hfield": "", "skin": ""}
 """MJCF elements that name a file, and the compiler's attribute with its folder."""
+
+
+DEEPEST_INCLUDE = 20
+"""Files that include each other, beyond which MuJoCo says what is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,43 +160,41 @@ def _massless(root: Element) -> list[str]:
     ]
 
 
-def _check_mjcf(
-    root: Element,
-    path: Path,
-    allow_paths: bool,
-    seen: tuple[Path, ...] = (),
-    inherited: Mapping[str, str] = MappingProxyType({}),
-) -> None:
-    """Refuse elements that cannot be kept; included files become part of the tree.
-
-    Args:
-        inherited: folders of files that the compiler of an including file names.
-    """
-    faults: list[str] = []
-    folders = dict(inherited)
+def _check_mjcf(root: Element, path: Path, allow_paths: bool) -> None:
+    """Refuse elements that cannot be kept; included files become part of the tree."""
+    faults = _include(root, path, allow_paths)
+    folders: dict[str, str] = {}
     for compiler in (one for one in root.walk() if one.tag == "compiler"):
         folders |= {key: value for key, value in compiler.attributes.items() if key.endswith("dir")}
-    for element in list(root.walk()):
-        inner = [one for one in element.children if one.tag not in ("default",)]
+    for element in root.walk():
         if element.tag in REFUSED_MJCF:
             faults.append(element.named(REFUSED_MJCF[element.tag]))
         elif element.tag == "equality":
-            loops = (one for one in inner if one.tag in LOOPS)
+            loops = (one for one in element.children if one.tag in LOOPS)
             faults += [one.named("a closed loop cannot be kept") for one in loops]
         name = element.attributes.get("file")
         if element.tag in FILES and name:
+            below = folders.get(FILES[element.tag]) or folders.get("assetdir", "")
             try:
-                below = folders.get(FILES[element.tag]) or folders.get("assetdir", "")
-                below = "" if element.tag == "include" else below
-                file = found_file(element, path.parent, str(Path(below) / name), allow_paths)
-                if element.tag == "include" and file not in seen and len(seen) < 20:
-                    included = parsed(file)
-                    _check_mjcf(included, path, allow_paths, (*seen, file), folders)
-                    element.children = [included]
+                found_file(element, path.parent, str(Path(below) / name), allow_paths)
             except RobotError as error:
                 faults.append(str(error))
     if faults:
         raise RobotError("\n".join(faults))
+
+
+def _include(root: Element, path: Path, allow_paths: bool, seen: tuple[Path, ...] = ()) -> list[str]:
+    """Put the files that elements include below these; returns what is wrong."""
+    faults: list[str] = []
+    for element in [one for one in root.walk() if one.tag == "include"]:
+        try:
+            file = found_file(element, path.parent, element.attributes.get("file", ""), allow_paths)
+            if file not in seen and len(seen) < DEEPEST_INCLUDE:
+                element.children = [parsed(file)]
+                faults += _include(element.children[0], path, allow_paths, (*seen, file))
+        except RobotError as error:
+            faults.append(str(error))
+    return faults
 
 
 def _mjcf_spec(root: Element, path: Path) -> Any:
@@ -224,12 +225,13 @@ def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...
         text = " ".join(str(error).split()).removeprefix("XML Error: ").removeprefix("Error: ")
         found = re.search(r"Element name '([^']*)'", text)
         line = re.search(r"line (\d+)", text)
-        element = _named(root, found[1]) if found else None
+        tag = re.search(r"Element '([^']*)'", text)
+        element = _named(root, found[1]) if found else _at(root, path, line, tag)
         reason = re.sub(r",? ?(Element (name )?'[^']*'(, (id|line) -?\d+)?|line \d+)", "", text).strip()
         reason = next((plain for words, plain in PLAIN_WORDS.items() if words in reason), reason)
         if element is not None:
-            raise RobotError(element.named(reason)) from error
-        tag = re.search(r"Element '([^']*)'", text)
+            given = element.attributes.get(re.sub(r".* attribute:? '(.*)'.*", r"\1", reason))
+            raise RobotError(element.named(f"{reason}: found {given!r}" if given else reason)) from error
         place = f"{path}:{line[1]}" if line else f"{path}"
         reason = f"{tag[1]}: {reason}" if tag and line else reason
         raise RobotError(f"{place}: {reason}") from error
@@ -242,6 +244,12 @@ def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...
             element = _named(root, name)
             raise RobotError(element.named(reason) if element else f"{path}: body {name!r}: {reason}")
     return model, tuple(warned)
+
+
+def _at(root: Element, path: Path, line: re.Match[str] | None, tag: re.Match[str] | None) -> Element | None:
+    """The element of a tag in a line of the robot's own file."""
+    asked = (path, int(line[1]), tag[1]) if line and tag else None
+    return next((one for one in root.walk() if (one.file, one.line, one.tag) == asked), None)
 
 
 def _named(root: Element, name: str) -> Element | None:

@@ -112,9 +112,13 @@ def parsed(path: Path) -> Element:
     except xml.parsers.expat.ExpatError as error:
         reason = xml.parsers.expat.ErrorString(error.code)
         raise RobotError(f"{path}:{error.lineno}: not XML: {reason}") from error
-    if macro := next((one for one in roots[0].walk() if one.tag.startswith("xacro:")), None):
+    if macro := next(filter(_is_macro, roots[0].walk()), None):
         raise RobotError(macro.named(f"not expanded; do it before: xacro {path.name} > expanded.urdf"))
     return roots[0]
+
+
+def _is_macro(element: Element) -> bool:
+    return element.tag.startswith("xacro:") or "${" in "".join(element.attributes.values())
 
 
 def found_file(element: Element, folder: Path, name: str, allow_paths: bool) -> Path:

@@ -122,6 +122,7 @@ def _lines(
 ) -> list[str]:
     rate, frames, each = scenario.frame_rate, scenario.frame_count, substeps(scenario, settings.dt)
     names = ", ".join(f"{name!r}: {one}" for name, one in parts.bodies.items())
+    head = [within(one) for one in head]
     driven = parts.commands is not None
     commands = [f"commands = {packed(parts.commands)}"] if parts.commands is not None else []
     off = [
@@ -191,6 +192,11 @@ def literal(value: Any) -> str:
     if isinstance(value, int) and not isinstance(value, bool):
         return repr(int(value))
     return repr(value)
+
+
+def within(text: str) -> str:
+    """Text as it stands inside of three quotation marks."""
+    return text.replace("\\", "\\\\").replace('"""', r"\"\"\"")
 
 
 def wrapped(text: str, width: int = WIDTH) -> list[str]:

@@ -24,8 +24,8 @@ from touchstone.reports.views.render import Part
 
 STUDY = "import"
 SUFFIXES = (".urdf", ".mjcf", ".xml")
-ROOTS = {"urdf": b"<robot", "mjcf": b"<mujoco"}
-"""Start of the root element of each form."""
+ROOTS = {"urdf": rb"<robot[\s>]", "mjcf": rb"<mujoco[\s>]"}
+"""Start of the root element of each form; files of `<mujocoinclude>` are parts of others."""
 MOST_HEAD = 65536
 """Bytes in which a root element must begin: comments precede it."""
 FOLDERS = re.compile(r"(?<![\w.-])/[^':]*/")
@@ -42,9 +42,9 @@ def robots_below(folders: Iterable[Path]) -> dict[str, tuple[Path, str]]:
             one for one in folder.rglob("*") if one.suffix.lower() in SUFFIXES and one.is_file()
         ):
             head = path.open("rb").read(MOST_HEAD)
-            form = next((form for form, root in ROOTS.items() if root in head), "")
+            form = next((form for form, root in ROOTS.items() if re.search(root, head)), "")
             if form:
-                found.append((Path(folder.name) / path.relative_to(folder), path, form))
+                found.append((Path(folder.resolve().name) / path.relative_to(folder), path, form))
     short = Counter(Path(name.parts[0]) / name.name for name, _, _ in found)
     names = ((Path(name.parts[0]) / name.name, name) for name, _, _ in found)
     return {

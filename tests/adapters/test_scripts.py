@@ -55,7 +55,7 @@ def capsules():
         body if body.kind == "fixed" else replace(body, pieces=(replace(body.pieces[0], shape=one),))
         for body in scene.bodies
     )
-    return replace(scene, name="capsules", bodies=bodies, truths=(), expectations=())
+    return replace(scene, name="capsules", bodies=bodies, truths=(), expectations=(), forces=())
 
 
 def scene_of(name):
@@ -98,6 +98,20 @@ def test_a_script_prints_the_recording(registry, engine, profile, scene, tmp_pat
     printed = run(path) if engine == "bullet" else run_here(path)
     apart = distance(printed, recording, scenario, script.of_mass)
     assert apart <= (ROUNDING if script.of_mass else 0.0)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "bullet", "dart"])
+def test_names_of_scripts_may_hold_any_character(registry, engine, tmp_path):
+    """Quotes, backslashes, braces and markup in the names of scene and bodies are printed as they are."""
+    needs(engine)
+    scene, odd = catalogue()["bounce_e05"], "\\\\ \\n \"\"\" ''' {0} <a&b> %s"
+    bodies = tuple(replace(body, name=f"{odd}{k}") for k, body in enumerate(scene.bodies))
+    scene = replace(scene, name=odd, summary=odd, bodies=bodies, truths=(), expectations=(), forces=())
+    own, path = settings(engine, "default"), tmp_path / "script.py"
+    script = written(scene, engine, own)
+    path.write_text(script.text)
+    apart = distance(run(path), record(registry.engine(engine), scene, own), scene, script.of_mass)
+    assert apart <= ROUNDING
 
 
 def test_a_script_of_another_step_differs(tmp_path):

@@ -18,7 +18,7 @@ from touchstone.adapters.contract import Array, Settings, Unsupported
 from touchstone.adapters.engines.mujoco.engine import MujocoEngine, World, translated
 from touchstone.adapters.engines.mujoco.settings import SETTINGS
 from touchstone.adapters.knobs import Choice
-from touchstone.adapters.scripts.script import Parts, literal, moving
+from touchstone.adapters.scripts.script import Parts, literal, moving, within
 from touchstone.scenarios.scenario import Scenario
 
 Attributes = dict[str, str]
@@ -136,7 +136,7 @@ class _Document:
 
     def settings(self) -> list[str]:
         """The start of the document in the script."""
-        return ['xml = """<mujoco>', *self.settings_xml()]
+        return ['xml = """<mujoco>', *map(within, self.settings_xml())]
 
     def lines(self) -> list[str]:
         """The rest of the document."""
@@ -152,7 +152,7 @@ class _Document:
         found = ["<worldbody>", *bodies, "</worldbody>"]
         for name, elements in groups:
             found += [f"<{name}>", *elements, f"</{name}>"] if elements else []
-        return [*_few(found), '</mujoco>"""']
+        return [*map(within, _few(found)), '</mujoco>"""']
 
     def _body(self, body: Any) -> str:
         inner = [self._joint(joint) for joint in body.joints]

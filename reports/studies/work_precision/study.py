@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
 from touchstone.adapters.registry import ENGINES
@@ -259,29 +258,17 @@ def _log(ratio: float) -> float:
     return log(ratio) if 0 < ratio < inf else inf
 
 
-FRONT = "#b5b5b5"
-"""Colour of the reference's front and points."""
-MOST_ROWS = 6
-"""Scenes of one picture; more go into further files."""
 ACROSS, NAME_HEIGHT = 3, 0.09
-"""Panels side by side in the picture of one quantity, and height of a name there, of a panel's [1]."""
-APART = "codes disagree"
+"""Panels side by side, and height of a name beside a panel, of the panel's [1]."""
+APART = "truth not converged"
 POINT: dict[str, Any] = {"linestyle": "none", "markersize": 3.0, "markeredgewidth": 0, "alpha": 0.35}
-TOLERANCE: dict[str, Any] = {"color": PALE, "linestyle": (0, (1, 2))}
+LEGEND = "line: front over an engine's settings; faint: the others; bar: rounds of timing; dotted: tolerance"
 
 
 def draw(table: pd.DataFrame, folder: Path) -> list[Path]:
-    """Write `work_precision.svg` and `.png`, with a number for every further set of scenes, and one picture
-    per quantity for a page or a slide."""
+    """Write a picture per quantity, with its name in the name of the file, as SVG and PNG."""
     usable = table[(table.quantity != "") & table.time.notna() & np.isfinite(table.error)]
-    scenes = list(dict.fromkeys(usable.scenario))
-    groups = [scenes[k : k + MOST_ROWS] for k in range(0, len(scenes), MOST_ROWS)]
     written = []
-    for number, group in enumerate(groups, start=1):
-        for kind in ("svg", "png"):
-            path = folder / f"work_precision{'' if number == 1 else f'_{number}'}.{kind}"
-            illustrate(path, partial(picture, usable, group, kind))
-            written.append(path)
     for quantity in (name for name in QUANTITIES if name in set(usable.quantity)):
         for kind in ("svg", "png"):
             path = folder / f"work_precision_{quantity}.{kind}"
@@ -300,12 +287,13 @@ def picture_of(table: pd.DataFrame, quantity: str, kind: str, path: Path) -> Non
     with figure(path, *size, font=10, kind=kind, style={"svg.fonttype": "none"}) as drawn:
         for axes, scene in zip(panels(drawn, len(scenes), min(len(scenes), ACROSS)), scenes):
             part = mine[mine.scenario == scene]
-            _panel(axes, part, quantity, APART, labels=9)
+            _panel(axes, part, quantity)
             if scene in known:
                 _name_fronts(axes, part, QUANTITIES[quantity].floor)
             axes.set_title(scene, fontsize=11, color=INK, fontweight="bold", loc="left")
         drawn.supxlabel("wall time per simulated second [s]", color=INK, fontsize=10)
         drawn.supylabel(f"error: {quantity}{'' if unit == '1' else f' [{unit}]'}", color=INK, fontsize=10)
+        drawn.suptitle(LEGEND, color=PALE, fontsize=9, x=0.99, ha="right")
 
 
 def _apart(table: pd.DataFrame, scene: str, quantity: str) -> bool:
@@ -322,83 +310,35 @@ def _name_fronts(axes: Axes, part: pd.DataFrame, floor: float) -> None:
     least = 0.0
     for height, engine in sorted(zip(heights, map(str, ends.index))):
         least = max(height, least)
-        color = INK if engine == REFERENCE else color_of(engine)
-        axes.text(1.02, least, engine, transform=axes.transAxes, color=color, fontsize=9, va="center")
+        axes.text(
+            1.02, least, engine, transform=axes.transAxes, color=color_of(engine), fontsize=9, va="center"
+        )
         least += NAME_HEIGHT
 
 
-def picture(table: pd.DataFrame, scenes: Sequence[str], kind: str, path: Path) -> None:
-    """Draw a row per scene and a column per quantity that any of them has."""
-    quantities = [name for name in QUANTITIES if name in set(table[table.scenario.isin(scenes)].quantity)]
-    size = (2.7 * len(quantities) + 0.5, 2.1 * len(scenes) + 0.9)
-    with figure(path, *size, font=8.5, kind=kind, style={"svg.fonttype": "none"}) as drawn:
-        grid = drawn.subplots(len(scenes), len(quantities), squeeze=False)
-        for row, scene in zip(grid, scenes):
-            for axes, quantity in zip(row, quantities):
-                part = table[(table.scenario == scene) & (table.quantity == quantity)]
-                _panel(axes, part, quantity, APART if _apart(table, scene, quantity) else "does not apply")
-            row[0].set_ylabel(scene, fontsize=10, color=INK, fontweight="bold")
-        for axes, quantity in zip(grid[0], quantities):
-            unit = QUANTITIES[quantity].unit
-            named = f"{quantity}{'' if unit == '1' else f' [{unit}]'}"
-            axes.set_title(named, fontsize=10, color=INK, loc="left")
-        for axes in grid[-1]:
-            axes.set_xlabel("wall time per simulated second [s]", color=INK)
-        drawn.legend(
-            handles=_legend(table),
-            loc="outside lower center",
-            ncols=min(6, 2 * len(quantities)),
-            frameon=False,
-        )
-        drawn.suptitle(
-            "Error over time, the front of each engine over its steps and settings: lower left is better",
-            color=INK,
-        )
-
-
-def _panel(axes: Axes, part: pd.DataFrame, quantity: str, missing: str, labels: float = 7) -> None:
+def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:
     logarithmic(axes)
-    open_axes(axes, labels=labels)
+    open_axes(axes, labels=9)
     if part.empty:
         axes.set_axis_off()
-        axes.text(0.5, 0.5, missing, transform=axes.transAxes, ha="center", color=PALE)
+        axes.text(0.5, 0.5, APART, transform=axes.transAxes, ha="center", color=PALE)
         return
     floor = QUANTITIES[quantity].floor
     part = part.assign(drawn=part.error.clip(lower=floor))
     for engine, mine in part.groupby("engine", sort=False):
         front = mine[mine.own_front].sort_values("time")
-        color, wide = _look(str(engine))
-        axes.plot(mine.time, mine.drawn, marker=marker_of(str(engine)), color=color, zorder=2, **POINT)
-        axes.step(front.time, front.drawn, where="post", color=color, linewidth=wide, zorder=3)
-        mark = marker_of(str(engine))
-        axes.plot(front.time, front.drawn, mark, color=color, markersize=3.5, zorder=4)
+        color, mark = color_of(str(engine)), marker_of(str(engine))
+        axes.plot(mine.time, mine.drawn, marker=mark, color=color, zorder=2, **POINT)
+        axes.step(front.time, front.drawn, where="post", color=color, linewidth=1.6, zorder=3)
+        axes.plot(front.time, front.drawn, mark, color=color, markersize=5, zorder=4)
         # the band: from the least to the largest of the rounds
         axes.hlines(front.drawn, front.time_low, front.time_high, color=color, linewidth=2.5, alpha=0.3)
     low, high = part.drawn.min(), part.drawn.max()
     axes.set_ylim(max(low, floor) / 3, max(high * 3, low * 30))
-    axes.axhline(QUANTITIES[quantity].tolerance, linewidth=0.8, zorder=0, **TOLERANCE)
+    axes.axhline(QUANTITIES[quantity].tolerance, linewidth=0.8, zorder=0, color=PALE, linestyle=(0, (1, 2)))
     axes.yaxis.set_major_locator(LogLocator(numticks=6))
     width = part.truth_width.iloc[0]
     if part.truth.iloc[0] == BAND and width > 0:
         text = f"truth: a band of {number(width, part.unit.iloc[0])}"
         where: dict[str, Any] = {"transform": axes.transAxes, "ha": "right", "va": "bottom"}
-        axes.text(1.0, 1.02, text, fontsize=labels - 0.5, color=PALE, **where)
-
-
-def _look(engine: str) -> tuple[str, float]:
-    """Colour and width of an engine's front."""
-    return (FRONT, 4.0) if engine == REFERENCE else (color_of(engine), 1.4)
-
-
-def _legend(table: pd.DataFrame) -> list[Line2D]:
-    handles = []
-    for engine in dict.fromkeys(table.engine):
-        color, wide = _look(engine)
-        label = f"{engine}: own front"
-        line = Line2D(
-            [], [], label=label, color=color, linewidth=wide, marker=marker_of(engine), markersize=4
-        )
-        handles.append(line)
-    handles.append(Line2D([], [], label="other settings", color=PALE, marker="o", **POINT))
-    handles.append(Line2D([], [], label="tolerance", **TOLERANCE))
-    return handles
+        axes.text(1.0, 1.02, text, fontsize=8.5, color=PALE, **where)

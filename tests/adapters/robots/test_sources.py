@@ -105,6 +105,14 @@ def test_tendons_of_joints_and_skins_are_noted(load):
             "robot.urdf:2: xacro:macro 'leg': not expanded; do it before: xacro robot.urdf > expanded.urdf",
         ),
         (
+            robot(link("a", INERTIAL.replace('"1"', '"${m}"'))),
+            "robot.urdf:2: mass: not expanded; do it before: xacro robot.urdf > expanded.urdf",
+        ),
+        (
+            robot(link("a", INERTIAL.replace('"1"', '"1,5"'))),
+            "robot.urdf:2: mass: bad format in attribute 'value': found '1,5'",
+        ),
+        (
             "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n",
             "robot.urdf: a Git LFS pointer, not the file itself; fetch it by: git lfs pull",
         ),
@@ -154,11 +162,18 @@ def test_a_note_names_the_joint_that_mimics(load):
 
 
 @pytest.mark.parametrize("suffix", ["xml", "mjcf"])
-def test_an_included_file_has_the_folders_of_the_main_one(load, tmp_path, suffix):
+@pytest.mark.parametrize(
+    ("inner", "text"),
+    [
+        ("", '<compiler meshdir="meshes"/><include file="part.xml"/>'),
+        ('<compiler meshdir="elsewhere"/>', '<include file="part.xml"/><compiler meshdir="meshes"/>'),
+    ],
+)
+def test_an_included_file_has_the_folders_of_the_last_compiler(load, tmp_path, suffix, inner, text):
     """`meshdir` of the file that includes another holds in that one, whatever the suffix."""
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "tip.obj").write_text(TIP)
-    (tmp_path / "part.xml").write_text(MESHED)
-    text = '<mujoco><compiler meshdir="meshes"/><include file="part.xml"/></mujoco>'
+    (tmp_path / "part.xml").write_text(MESHED.replace("<mujoco>", f"<mujoco>{inner}"))
+    text = f"<mujoco>{text}</mujoco>"
     masses = [one.mass for one in load(text, f"robot.{suffix}").scenario.bodies if one.kind == "simulated"]
     assert masses == pytest.approx([500 * 0.1**3 / 6], rel=1e-6)

@@ -17,15 +17,16 @@ ARM_IN = "import robots/a/arm.urdf --as arm"
 
 @pytest.fixture
 def robots(tmp_path):
-    """A folder with two robots of one file name, one that is refused, and a file that is no robot."""
+    """A folder with two robots of one file name, one that is refused, and two files that are no robots."""
     for name, text in {
         "a/arm.urdf": ARM,
         "b/arm.urdf": ARM.replace('value="2"', 'value="3"'),
         "c/planar.urdf": ARM.replace("revolute", "planar"),
         "d/other.xml": "<note/>",
+        "d/part.xml": "<mujocoinclude><asset/></mujocoinclude>",
     }.items():
         path = tmp_path / "robots" / name
-        path.parent.mkdir(parents=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
 
 
@@ -39,6 +40,8 @@ def test_robots_of_a_folder_are_listed_by_result(touchstone, robots, tmp_path):
     found = {(row["scenario"], row["metric"]): row for row in csv.DictReader(io.StringIO(out))}
     assert {scene for scene, _ in found} == {"robots/a/arm.urdf", "robots/b/arm.urdf", "robots/planar.urdf"}
     assert float(found["robots/b/arm.urdf", "robot.mass"]["value"]) <= 1e-9
+    code, out, _ = touchstone("import --check . --out here --format csv")
+    assert {row["scenario"].partition("/")[0] for row in csv.DictReader(io.StringIO(out))} == {tmp_path.name}
     from touchstone.reports.docs.measurements import page_of
 
     name, text, _ = page_of(tmp_path / "found")

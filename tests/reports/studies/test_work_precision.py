@@ -231,18 +231,20 @@ def test_fronts_name_the_point_that_is_not_dominated():
 
 
 @pytest.mark.slow
-def test_pictures_are_drawn_and_repeat(tmp_path, monkeypatch):
-    """SVG and PNG; more scenes than fit make further files, and equal data equal files."""
-    monkeypatch.setattr("touchstone.reports.studies.work_precision.study.MOST_ROWS", 1)
-    frame = pd.concat([table(scene=f"scene {k}") for k in range(2)])
+def test_pictures_are_drawn_and_repeat(tmp_path):
+    """One quantity a picture, with scenes, engines and missing truths by name; equal data, equal files."""
+    frame = pd.concat([table(scene=f"scene {k}") for k in range(3)])
+    frame = frame[(frame.scenario != "scene 2") | (frame.quantity != "position")]
+    frame.attrs["bands"] = {"scene 2": "dart and bullet disagree"}
     names = [path.name for path in draw(frame, tmp_path)]
-    quantities = [f"_{quantity}" for quantity in dict.fromkeys(frame.quantity)]
-    assert names == [f"work_precision{n}.{s}" for n in ("", "_2", *quantities) for s in ("svg", "png")]
-    first = (tmp_path / "work_precision.svg").read_bytes()
+    quantities = [f"_{quantity}" for quantity in QUANTITIES if quantity in set(frame.quantity)]
+    assert names == [f"work_precision{quantity}.{s}" for quantity in quantities for s in ("svg", "png")]
+    shown = (tmp_path / "work_precision_position.svg").read_text()
     draw(frame, tmp_path)
-    assert (tmp_path / "work_precision.svg").read_bytes() == first
-    shown = (tmp_path / f"work_precision{quantities[0]}.svg").read_text()
-    assert all(f">{text}<" in shown for text in ("scene 0", "scene 1", *set(frame.engine)))
+    assert (tmp_path / "work_precision_position.svg").read_text() == shown
+    texts = ("scene 0", "scene 1", "scene 2", *set(frame.engine))
+    assert all(f">{text}<" in shown for text in texts)
+    assert shown.count(">truth not converged<") == 1
 
 
 def test_the_default_study_has_what_was_asked_for():
