@@ -121,11 +121,18 @@ def missing_reason(name: str) -> str:
 
 
 def load(name: str) -> Engine:
-    """Load the engine called `name`; raises NotInstalled with the package that pip installs."""
+    """Load the engine called `name`; raises NotInstalled with the package that pip installs, and ImportError
+    with what is wrong with its environment."""
     if importlib.util.find_spec(_known(name).package) is None:
         place = packages_of(name)
         raise NotInstalled(f"not found in this process, but in {place}" if place else missing_reason(name))
-    engine: Engine = _named(_entry(name).implementation)()
+    try:
+        engine: Engine = _named(_entry(name).implementation)()
+    except ImportError as error:
+        own = own_environment(name)
+        if own is None or not (fault := own.fault()):
+            raise
+        raise ImportError(f"its environment is broken: {fault} (touchstone env add {name})") from error
     return engine
 
 
