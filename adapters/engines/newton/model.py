@@ -90,7 +90,7 @@ def model_of(
         bodies.append(WORLD if fixed else _add_body(builder, body.name, masses[k], own))
         for piece in body.pieces:
             place = pose(piece.position, piece.orientation)
-            _add_piece(builder, bodies[k], piece, own * place if fixed else place, given)
+            _add_piece(builder, bodies[k], piece, own * place if fixed else place, given, profile)
             owners.append(k)
     return builder.finalize(device=CPU), bodies, owners
 
@@ -110,7 +110,9 @@ def _add_body(builder: Any, name: str, masses: Body | BodyFacts, own: Any) -> in
     return index
 
 
-def _add_piece(builder: Any, body: int, piece: Piece, place: Any, given: dict[str, Any]) -> None:
+def _add_piece(
+    builder: Any, body: int, piece: Piece, place: Any, given: dict[str, Any], profile: str
+) -> None:
     given = {"xform": place, **given}
     match piece.shape:
         case shapes.Sphere(radius):
@@ -123,6 +125,10 @@ def _add_piece(builder: Any, body: int, piece: Piece, place: Any, given: dict[st
             builder.add_shape_cylinder(body, radius=radius, half_height=half_length, **given)
         case shapes.Ellipsoid((x, y, z)):
             builder.add_shape_ellipsoid(body, rx=x, ry=y, rz=z, **given)
+        case shapes.Cone(radius, half_length) if profile not in OF_MUJOCO:
+            builder.add_shape_cone(body, radius=radius, half_height=half_length, **given)
+        case shapes.HalfSpace():
+            builder.add_shape_plane(None, body=body, width=0.0, length=0.0, **given)
         case shapes.Hull(vertices):
             builder.add_shape_convex_hull(body, mesh=_mesh(np.array(vertices)), **given)
         case _:

@@ -31,7 +31,8 @@ with warnings.catch_warnings():
 from sapien import physx
 
 X_TO_Z = sapien.Pose((0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0))
-"""Turns the x axis, along which PhysX's capsules lie, to the z axis, along which ours do."""
+"""Turns the x axis, along which PhysX's capsules, cylinders and normals of planes lie, to the z axis, along
+which ours do."""
 OF_SCENE = (
     *("bounce_threshold", "enable_pcm", "enable_ccd"),
     *("enable_friction_every_iteration", "enable_enhanced_determinism"),
@@ -141,6 +142,10 @@ def _shape(piece: Piece, material: Any) -> Any:
             shape = physx.PhysxCollisionShapeBox(half, material)
         case shapes.Capsule(radius, half_length):
             shape, place = physx.PhysxCollisionShapeCapsule(radius, half_length, material), place * X_TO_Z
+        case shapes.Cylinder(radius, half_length):
+            shape, place = physx.PhysxCollisionShapeCylinder(radius, half_length, material), place * X_TO_Z
+        case shapes.HalfSpace():
+            shape, place = physx.PhysxCollisionShapePlane(material), place * X_TO_Z
         case shapes.Hull(vertices):
             corners = np.array(vertices, dtype=np.float32)
             shape = physx.PhysxCollisionShapeConvexMesh(corners, (1.0, 1.0, 1.0), material)

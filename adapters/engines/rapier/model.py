@@ -44,6 +44,8 @@ RULES: tuple[Rule, ...] = (
 LINEAR, ANGULAR = ("LIN_X", "LIN_Y", "LIN_Z"), ("ANG_X", "ANG_Y", "ANG_Z")
 """Axes of a joint, as Rapier calls them."""
 UNTURNED = (1.0, 0.0, 0.0, 0.0)
+Y_TO_Z = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
+"""Turns the y axis, along which Rapier's cylinders and cones lie, to the z axis, along which ours do."""
 FRICTION_MODELS = (rapier3d.FrictionModel.SIMPLIFIED, rapier3d.FrictionModel.COULOMB)
 SPRINGS = {
     "contact_softness": ("contact_frequency", "contact_damping_ratio"),
@@ -108,7 +110,7 @@ def add_bodies(
             .friction_combine_rule(friction[0])
             .restitution(e[k])
             .restitution_combine_rule(restitution[0])
-            .position(pose(piece.position, piece.orientation))
+            .position(_place(piece))
             .user_data(k)
             for piece in body.pieces
         ]
@@ -194,6 +196,12 @@ def mass_facts(body: Any) -> BodyFacts:
     return BodyFacts(given.mass, given.local_com.to_tuple(), tuple(map(tuple, inertia.tolist())))
 
 
+def _place(piece: Piece) -> Any:
+    """Pose of a piece's collider in its body."""
+    own = pose(piece.position, piece.orientation)
+    return own * pose(ORIGIN, Y_TO_Z) if isinstance(piece.shape, shapes.Cylinder | shapes.Cone) else own
+
+
 def _collider(piece: Piece) -> Any:
     make = rapier3d.Collider
     match piece.shape:
@@ -205,6 +213,16 @@ def _collider(piece: Piece) -> Any:
             return make.capsule_z(half_length, radius)
         case shapes.Hull(vertices):
             return make.convex_hull(np.array(vertices, dtype=np.float32))
+        case shapes.Cylinder(radius, half_length):
+            return make.cylinder(half_length, radius)
+        case shapes.Cone(radius, half_length):
+            return make.cone(half_length, radius)
+        case shapes.RoundedBox(half, radius):
+            return make.round_cuboid(*half, radius)
+        case shapes.RoundedHull(vertices, radius):
+            return make.round_convex_hull(np.array(vertices, dtype=np.float32), radius)
+        case shapes.HalfSpace():
+            return make.halfspace((0.0, 0.0, 1.0))
     raise Unsupported(f"rapier: no shape {type(piece.shape).__name__}")
 
 
