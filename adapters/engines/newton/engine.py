@@ -7,7 +7,7 @@ shape 0 and is the mean over the step; force times dt is the impulse. Contacts a
 XPBD does not report the impulses by which it restores restitution after its positions are solved. Friction
 and restitution are given per shape: MuJoCo takes the larger friction, the others the mean of both. MuJoCo has
 no restitution, nor has Kamino with its defaults. Torsional and rolling friction, which Newton has by default,
-are off.
+are off. Kinematic bodies are where a step starts while it is solved, and contacts feel their velocity in it.
 
 Profiles, at the steps of Newton's examples of rigid contact: `xpbd` (ten iterations; restitution where a pair
 has some) and `steel` take the contacts of Newton's CollisionPipeline; `mujoco` (MuJoCo Warp),
@@ -40,7 +40,7 @@ from touchstone.adapters.contract import (
 )
 from touchstone.adapters.engines.newton import ENTRY, KAMINO, STEEL
 from touchstone.adapters.engines.newton.model import CPU, INELASTIC, OF_MUJOCO, WORLD, model_of, solver_of
-from touchstone.adapters.posed_drive import coupled
+from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
 from touchstone.scenarios.avatar.surface_motion import surface_moves
@@ -69,10 +69,10 @@ class NewtonEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
-        if len(coupled(scenario, settings)) < len(scenario.trackers):
-            raise Unsupported("newton: the adapter has no kinematic bodies")
-        if any(tracker.joints for tracker in scenario.trackers):
-            raise Unsupported("newton: the adapter has no hinges of driven bodies")
+        if settings.profile == KAMINO and len(coupled(scenario, settings)) < len(scenario.trackers):
+            raise Unsupported("newton: Kamino's PADMM does not move kinematic bodies")
+        if any(scenario.trackers[k].joints for k in coupled(scenario, settings)):
+            raise Unsupported("newton: the adapter has no hinges of driven bodies; choose --drive posed")
         if any(map(surface_moves, scenario.bodies)):
             raise Unsupported("newton: the adapter has no moving surfaces")
         if settings.sleeping:
@@ -92,12 +92,17 @@ class World:
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
         self._scenario, self._settings = scenario, settings
-        self._drives = [Drive(scenario, one, settings.dt, settings.drive) for one in scenario.trackers]
+        self._posed, self._coupled = posed_of(scenario, settings), coupled(scenario, settings)
+        posed = [link for one, _ in self._posed for link in one.links]
+        self._drives = [
+            Drive(scenario, scenario.trackers[k], settings.dt, settings.drive) for k in self._coupled
+        ]
         masses = simulated_masses(scenario, self._drives)
-        self._model, bodies, owners = model_of(scenario, settings.profile, masses)
+        self._model, bodies, owners = model_of(scenario, settings.profile, masses, posed)
         self._bodies, self._owners = np.array(bodies), np.array(owners)
-        self._free = np.flatnonzero(self._bodies != WORLD)
+        self._free = np.array([k for k, own in enumerate(bodies) if own != WORLD and k not in posed], int)
         self._fixed = np.flatnonzero(self._bodies == WORLD)
+        self._moment = 0
         self._now, self._before = self._model.state(), self._model.state()
         self._set_motion()
         self._solver, self._control = solver_of(self._model, settings), self._model.control()
@@ -118,7 +123,7 @@ class World:
 
     def _set_motion(self) -> None:
         """Set velocities, and the poses of driven bodies, at the start."""
-        if not len(self._free):
+        if self._model.body_count == 0:
             return
         moved, place = self._now.body_qd.numpy(), self._now.body_q.numpy()
         for k in self._free:
@@ -132,9 +137,25 @@ class World:
         self._now.body_qd.assign(moved)
         newton.eval_ik(self._model, self._now, self._now.joint_q, self._now.joint_qd)
 
+    def _pose(self, step: int) -> None:
+        """Put kinematic bodies where a step starts, with their velocity in it."""
+        place, moved = self._now.body_q.numpy(), self._now.body_qd.numpy()
+        for one, _ in self._posed:
+            for k, link in enumerate(one.links):
+                body = self._bodies[link]
+                place[body] = *one.place[k, step], *np.roll(one.orientation[k, step], -1)
+                moved[body] = *one.velocity[k, step], *one.omega[k, step]
+        self._now.body_q.assign(place)
+        self._now.body_qd.assign(moved)
+        given = self._model, self._now, self._now.joint_q, self._now.joint_qd
+        newton.eval_ik(*given, body_flag_filter=newton.BodyFlags.KINEMATIC)
+
     def drive(self, step: int) -> None:
         """Apply force and torque to the roots, which feel no gravity. Keep the poses of the step's start, for
         its contacts: XPBD overwrites its input state."""
+        self._moment = step + 1
+        if self._posed:
+            self._pose(step)
         self._start = self._now.body_q.numpy().astype(float)
         self._now.clear_forces()
         if not self._drives:
@@ -171,7 +192,9 @@ class World:
             state.orientation[self._free] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
             state.linear_velocity[self._free] = moved[:, :3]
             state.angular_velocity[self._free] = moved[:, 3:]
-        for number, drive in enumerate(self._drives):
+        for one, hinges in self._posed:
+            one.show(self._moment, state, hinges)
+        for number, drive in zip(self._coupled, self._drives):
             root = drive.links[0]
             drive.read_central(
                 state, number, *(one[root].copy() for one in (state.linear_velocity, state.angular_velocity))
@@ -211,8 +234,7 @@ class World:
                 tuple(com[body].astype(float).tolist()),
                 tuple(tuple(row) for row in inertia[body].astype(float).tolist()),
             )
-            for k, body in enumerate(self._bodies)
-            if body != WORLD
+            for k, body in zip(self._free, self._bodies[self._free])
         }
         return Manifest(
             engine=NewtonEngine.name,
@@ -222,9 +244,11 @@ class World:
             settings=self._facts(),
             bodies=without_ballast(facts, scenario, self._drives),
             pairs=self._pairs(),
-            drives={one.root: drive.gains() for one, drive in zip(scenario.trackers, self._drives)},
+            drives={
+                scenario.trackers[k].root: drive.gains() for k, drive in zip(self._coupled, self._drives)
+            },
             pieces={body.name: int((self._owners == k).sum()) for k, body in enumerate(scenario.bodies)},
-            freedom=int(model.joint_dof_count),
+            freedom=6 * len(self._free),
         )
 
     def _facts(self) -> dict[str, Scalar]:
