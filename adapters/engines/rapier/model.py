@@ -88,9 +88,14 @@ def world_of(settings: Settings, gravity: tuple[float, ...]) -> Any:
 
 
 def add_bodies(
-    world: Any, scenario: Scenario, settings: Settings, posed: Mapping[int, Posed]
+    world: Any,
+    scenario: Scenario,
+    settings: Settings,
+    posed: Mapping[int, Posed],
+    groups: Mapping[int, Any],
 ) -> tuple[list[Any], tuple[Rule, Rule]]:
-    """Add all bodies, those of `posed` as kinematic ones at the start of their motion.
+    """Add all bodies, those of `posed` as kinematic ones at the start of their motion, those of `groups` in
+    these collision groups.
 
     Returns their handles, and the combine rules of friction and restitution.
     """
@@ -112,6 +117,7 @@ def add_bodies(
             .restitution_combine_rule(restitution[0])
             .position(_place(piece))
             .user_data(k)
+            .collision_groups(groups.get(k) or rapier3d.InteractionGroups.all())
             for piece in body.pieces
         ]
         handles.append(world.add_body(builder.position(pose(place, turn)), colliders=parts))
