@@ -20,6 +20,8 @@ from touchstone.scenarios.scenario import ORIGIN, Joint, Scenario, Tracker
 
 GROUPS = 32
 """Bits of SAPIEN's third collision group [1]: bodies that share one do not meet."""
+ABOUT = 3
+"""Component of a joint's force that is the torque about its x axis; forces come first."""
 FASTEST = 1e6
 """Rate of hinges that PhysX does not exceed [rad/s]."""
 HINGE_DRIVES = {
@@ -68,6 +70,8 @@ class Articulation:
         self._joints = [self.added[link][1].joint for link in drive.links[1:]]
         active = [joint.name for joint in self._whole.active_joints]
         self._order = [active.index(hinge.name) for hinge in chosen]
+        rows = {link: row for row, link in enumerate(self._whole.links)}
+        self._rows = [rows[self.added[link][1]] for link in drive.links[1:]]
         self._start(settings)
 
     def _start(self, settings: Settings) -> None:
@@ -106,13 +110,12 @@ class Articulation:
             self._torques = self._drive.hinge_torques(step, *self.state())
             self._whole.set_qf(self._ordered(self._torques))
 
-    def torques(self, step: int) -> Array:
-        """Torques on the hinges (j,) [N m] during a step: those of implicit springs follow from its end."""
+    def torques(self) -> Array:
+        """Torques on the hinges (j,) [N m] during the last step, those of limits included."""
         if not self._native:
             return self._torques
-        drive, (angle, rate) = self._drive, self.state()
-        found: Array = drive.servo_stiffness * (drive.target.angle[step] - angle)
-        return found + drive.servo_damping * (drive.target.rate[step] - rate)
+        found: Array = self._whole.link_incoming_joint_forces[self._rows, ABOUT].astype(float)
+        return found
 
     def limits(self) -> dict[str, tuple[float, float]]:
         """Limits of each hinge [rad]."""

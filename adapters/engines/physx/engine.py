@@ -125,8 +125,7 @@ class World:
             angles, rates = zip(*(jointed.state() for jointed in self._jointed))
             state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
             if self._moment:
-                torques = [jointed.torques(self._moment - 1) for jointed in self._jointed]
-                state.hinge_torque[:] = np.concatenate(torques)
+                state.hinge_torque[:] = np.concatenate([jointed.torques() for jointed in self._jointed])
         self._read_contacts(state)
 
     def _read_contacts(self, state: State) -> None:
