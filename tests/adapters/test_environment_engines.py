@@ -1,5 +1,5 @@
-"""Newton, Rapier, PhysX and MuJoCo Warp in their environments: conformance, closed forms, what they report and
-refuse. Without its environment (touchstone env add newton, rapier, physx, mujoco_warp) an engine is skipped."""
+"""Newton, Rapier, PhysX and MuJoCo Warp in their environments: conformance, closed forms, what they report
+and refuse. Without its environment (`touchstone env add newton`) an engine is skipped."""
 
 import os
 import re

@@ -46,7 +46,8 @@ def physx():
         entity.set_pose(sapien.Pose((0, 0, -0.5 if k < 0 else HALF * (2 * k + 1))))
         scene.add_entity(entity)
         if k >= 0:
-            body.mass, body.inertia, body.sleep_threshold, body.angular_damping = 1.0, (INERTIA,) * 3, 0.0, 0.0
+            body.mass, body.inertia = 1.0, (INERTIA,) * 3
+            body.sleep_threshold = body.angular_damping = 0.0
     return lambda: (system.step(), scene)[0]
 
 

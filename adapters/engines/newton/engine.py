@@ -40,6 +40,7 @@ from touchstone.adapters.contract import (
 )
 from touchstone.adapters.engines.newton import ENTRY, KAMINO, STEEL
 from touchstone.adapters.engines.newton.model import CPU, INELASTIC, OF_MUJOCO, WORLD, model_of, solver_of
+from touchstone.adapters.engines.newton.settings import SETTINGS
 from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
@@ -79,6 +80,8 @@ class NewtonEngine:
             raise Unsupported("newton: these solvers have no sleeping on the CPU")
         if settings.profile == KAMINO and not any(scenario.touching_pairs()):
             raise Unsupported("newton: Kamino steps no scene in which nothing can touch")
+        if scenario.trackers and SETTINGS.in_force(settings.profile, settings.changes)["worlds"] > 1:
+            raise Unsupported("newton: the adapter has no batches of scenes with trackers")
         return World(scenario, settings)
 
     def version(self) -> str:
@@ -98,7 +101,8 @@ class World:
             Drive(scenario, scenario.trackers[k], settings.dt, settings.drive) for k in self._coupled
         ]
         masses = simulated_masses(scenario, self._drives)
-        self._model, bodies, owners = model_of(scenario, settings.profile, masses, posed)
+        self._worlds = int(SETTINGS.in_force(settings.profile, settings.changes)["worlds"])
+        self._model, bodies, owners = model_of(scenario, settings.profile, masses, posed, self._worlds)
         self._bodies, self._owners = np.array(bodies), np.array(owners)
         self._free = np.array([k for k, own in enumerate(bodies) if own != WORLD and k not in posed], int)
         self._fixed = np.flatnonzero(self._bodies == WORLD)
@@ -127,8 +131,8 @@ class World:
             return
         moved, place = self._now.body_qd.numpy(), self._now.body_q.numpy()
         for k in self._free:
-            body = self._scenario.bodies[k]
-            moved[self._bodies[k]] = *body.linear_velocity, *body.angular_velocity
+            body, each = self._scenario.bodies[k], self._model.body_count // self._worlds
+            moved[self._bodies[k] :: each] = *body.linear_velocity, *body.angular_velocity
         for drive in self._drives:
             root = self._bodies[drive.links[0]]
             place[root] = *drive.start_position[0], *np.roll(drive.start_orientation[0], -1)
@@ -210,12 +214,14 @@ class World:
         full = self._solver.constraint_overflow if self._settings.profile == STEEL else self._room
         if count > contacts.rigid_contact_max or (full is not None and full.numpy().any()):
             raise AdapterError("newton: more contacts than there is room for; Newton drops the others")
-        a = self._owners[contacts.rigid_contact_shape0.numpy()[:count]]
-        b = self._owners[contacts.rigid_contact_shape1.numpy()[:count]]
-        first = _points(self, a, contacts.rigid_contact_point0, contacts.rigid_contact_offset0)
-        second = _points(self, b, contacts.rigid_contact_point1, contacts.rigid_contact_offset1)
-        normal = contacts.rigid_contact_normal.numpy()[:count].astype(float)
-        impulse = -self._observed.contact_f.numpy()[:count, :3].astype(float) * self._settings.dt
+        shapes = contacts.rigid_contact_shape0, contacts.rigid_contact_shape1
+        one, two = (each.numpy()[:count] for each in shapes)
+        mine = np.flatnonzero((one < len(self._owners)) & (two < len(self._owners)))  # of the first world
+        a, b = self._owners[one[mine]], self._owners[two[mine]]
+        first = _points(self, a, mine, contacts.rigid_contact_point0, contacts.rigid_contact_offset0)
+        second = _points(self, b, mine, contacts.rigid_contact_point1, contacts.rigid_contact_offset1)
+        normal = contacts.rigid_contact_normal.numpy()[mine].astype(float)
+        impulse = -self._observed.contact_f.numpy()[mine, :3].astype(float) * self._settings.dt
         distance = ((second - first) * normal).sum(axis=1)
         acted = (distance <= 0) | impulse.any(axis=1)  # others are candidates within Newton's gap
         point = (first + second) / 2
@@ -305,9 +311,9 @@ class World:
         del self._solver, self._detector, self._contacts, self._observed, self._model
 
 
-def _points(world: World, bodies: Array, points: Any, offsets: Any) -> Array:
-    """Places of contacts on the surfaces of bodies (c, 3) [m], at the step's start."""
-    local = points.numpy()[: len(bodies)].astype(float) + offsets.numpy()[: len(bodies)]
+def _points(world: World, bodies: Array, rows: Array, points: Any, offsets: Any) -> Array:
+    """Places of some contacts (c,) on the surfaces of bodies (c, 3) [m], at the step's start."""
+    local = points.numpy()[rows].astype(float) + offsets.numpy()[rows]
     index = world._bodies[bodies]
     moving = index != WORLD
     if not moving.any():

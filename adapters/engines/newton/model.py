@@ -70,10 +70,14 @@ def restitutions_of(scenario: Scenario, profile: str) -> list[float]:
 
 
 def model_of(
-    scenario: Scenario, profile: str, masses: Sequence[Body | BodyFacts], posed: Sequence[int] = ()
+    scenario: Scenario,
+    profile: str,
+    masses: Sequence[Body | BodyFacts],
+    posed: Sequence[int] = (),
+    worlds: int = 1,
 ) -> tuple[Any, list[int], list[int]]:
-    """Newton's model with the masses of all bodies, those of `posed` kinematic, Newton's body per body of the
-    scenario (WORLD: fixed), and the body of each shape."""
+    """Newton's model with the masses of all bodies, those of `posed` kinematic, in equal worlds; of the first
+    Newton's body per body of the scenario (WORLD: fixed), and the body of each shape."""
     builder = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
     (friction, priority), restitution = frictions_of(scenario, profile), restitutions_of(scenario, profile)
     if profile in OF_MUJOCO:
@@ -99,7 +103,14 @@ def model_of(
         for (one, a), (two, b) in combinations(enumerate(owners), 2):
             if (a, b) not in meeting or {a, b} <= held:
                 builder.add_shape_collision_filter_pair(one, two)
-    return builder.finalize(device=CPU), bodies, owners
+    whole = builder
+    if worlds > 1:
+        whole = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
+        if profile in OF_MUJOCO:
+            newton.solvers.SolverMuJoCo.register_custom_attributes(whole)
+        for _ in range(worlds):
+            whole.add_world(builder)
+    return whole.finalize(device=CPU), bodies, owners
 
 
 def pose(position: Any, orientation: Any) -> Any:

@@ -143,7 +143,9 @@ def _apart(scenario: Scenario, links: Sequence[int]) -> dict[int, int]:
     if len(never) == len(solid) * (len(solid) - 1) // 2:
         return dict.fromkeys(links, 1)
     if len(never) > GROUPS:
-        raise Unsupported(f"physx: {len(never)} pairs of links that may not touch, SAPIEN has {GROUPS} groups")
+        raise Unsupported(
+            f"physx: {len(never)} pairs of links that may not touch, SAPIEN has {GROUPS} groups"
+        )
     for bit, pair in enumerate(never):
         for link in pair:
             found[link] |= 1 << bit

@@ -57,10 +57,11 @@ UNREADABLE: dict[str, Scalar] = {
 
 
 def scene_of(settings: Settings, gravity: tuple[float, ...]) -> tuple[Any, Any]:
-    """An empty scene on its PhysX system, which runs on the calling thread, with a profile's settings."""
+    """An empty scene on its PhysX system, with a profile's settings."""
     values = SETTINGS.in_force(settings.profile, settings.changes)
     given = {name: type(getattr(physx.PhysxSceneConfig(), name))(values[name]) for name in OF_SCENE}
-    physx.set_scene_config(gravity=gravity, enable_tgs=bool(values["solver"]), cpu_workers=0, **given)
+    given |= {"enable_tgs": bool(values["solver"]), "cpu_workers": values["cpu_workers"]}
+    physx.set_scene_config(gravity=gravity, **given)
     system = physx.PhysxCpuSystem()
     system.timestep = settings.dt
     return sapien.Scene([system]), system

@@ -54,7 +54,7 @@ SPRINGS = {
 """Springs of contacts, and the settings of their frequency and damping ratio."""
 OF_BODIES = ("ccd_enabled", "allow_fast_rotation", "gyroscopic_forces")
 """Settings of each body; all others, without those of SPRINGS, are of the world."""
-OF_WORLD = tuple(set(SETTINGS) - {"friction_model", *OF_BODIES, *sum(SPRINGS.values(), ())})
+OF_WORLD = tuple(set(SETTINGS) - {"friction_model", "num_threads", *OF_BODIES, *sum(SPRINGS.values(), ())})
 
 
 def rule_of(kind: str, scenario: Scenario, wanted: Pairs) -> tuple[Rule, list[float]]:
@@ -72,10 +72,10 @@ def rule_of(kind: str, scenario: Scenario, wanted: Pairs) -> tuple[Rule, list[fl
 
 
 def world_of(settings: Settings, gravity: tuple[float, ...]) -> Any:
-    """An empty world on one thread, with the settings of a profile and its changes."""
+    """An empty world with the settings of a profile and its changes."""
     world = rapier3d.PhysicsWorld(gravity=gravity)
-    world.set_num_threads(1)
     values = SETTINGS.in_force(settings.profile, settings.changes)
+    world.set_num_threads(values["num_threads"])
     parameters = world.integration_parameters
     parameters.dt = settings.dt
     parameters.friction_model = FRICTION_MODELS[values["friction_model"]]

@@ -40,13 +40,15 @@ class Hinges:
         for hinge, stiffness, damping in zip(self._chosen, drive.servo_stiffness, drive.servo_damping):
             parent, child = (handles[scenario.body_index(name)] for name in (hinge.parent, hinge.child))
             world.rigid_bodies[child].gravity_scale = 0.0
-            world.multibody_joints.insert(parent, child, _joint(hinge, float(stiffness), float(damping)), True)
+            world.multibody_joints.insert(
+                parent, child, _joint(hinge, float(stiffness), float(damping)), True
+            )
         links = [world.multibody_joints.rigid_body_link(handles[link]) for link in drive.links[1:]]
         self._whole = world.multibody_joints.get_multibody(links[0].multibody)
         self._links = [one.id for one in links]
         self._places = [self._whole.get_link(one).assembly_id for one in self._links]
         start = np.zeros(FREE + len(self._links))
-        self._whole.set_damping(start.tolist())  # 0.1 N m s of each hinge by default, a hundred of our servos'
+        self._whole.set_damping(start.tolist())  # by default 0.1 N m s, ten and more times a servo's
         start[self._places] = drive.start.angle[0]
         self._whole.apply_displacements(start.tolist())
         self._whole.forward_kinematics(world.rigid_bodies, True)
