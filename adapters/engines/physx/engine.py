@@ -5,7 +5,8 @@ of its mass centre, along world axes. Of a contact of bodies 0 and 1 the normal 
 lies on the surface of 1, from which we compute the midpoint, and the impulse acts on 0. SAPIEN passes on
 normal impulses alone: PhysX reports those of friction apart. Contacts are those of the step's start. Friction
 (static and dynamic are equal) and restitution belong to materials; PhysX takes the mean of both, and SAPIEN
-has no other combine mode. There is no ellipsoid.
+has no other combine mode. SAPIEN's cylinders are prisms of 32 sides; there are neither cones nor
+ellipsoids. Driven bodies with hinges are articulations (`articulation.py`).
 
 Profiles, at 1/120 s, SAPIEN's 1/100 s fitted to a frame: `default` has SAPIEN's defaults: TGS, ten position
 iterations, bounces from 2 m/s on, and PhysX's angular damping. `recommended` has the step and the bounce

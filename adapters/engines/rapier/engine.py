@@ -6,7 +6,8 @@ body's velocity is that of its mass centre, along world axes. A manifold's norma
 Contacts are those of the step's start; Rapier keeps them while a pair moves by less than 5 cm, and the
 distance is computed from its points. Friction and restitution belong to colliders with a combine rule each:
 the adapter takes Rapier's default, the mean, or the first of product, least and largest that gives each pair
-its coefficients. Masses are those of the scene: colliders have no density. There is no ellipsoid.
+its coefficients. Masses are those of the scene: colliders have no density. There is no ellipsoid. Driven
+bodies with hinges are multibodies (`multibody.py`).
 
 Impulses of friction are those of COULOMB: per point along two axes that follow from the normal. SIMPLIFIED
 reports none, so that its contacts have the normal impulse alone.
