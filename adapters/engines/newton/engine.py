@@ -26,6 +26,7 @@ from typing import Any, ClassVar
 import newton
 import numpy as np
 import warp
+from numpy.typing import NDArray
 
 from touchstone.adapters.contract import (
     AdapterError,
@@ -311,7 +312,7 @@ class World:
         del self._solver, self._detector, self._contacts, self._observed, self._model
 
 
-def _points(world: World, bodies: Array, rows: Array, points: Any, offsets: Any) -> Array:
+def _points(world: World, bodies: Array, rows: NDArray[np.int_], points: Any, offsets: Any) -> Array:
     """Places of some contacts (c,) on the surfaces of bodies (c, 3) [m], at the step's start."""
     local = points.numpy()[rows].astype(float) + offsets.numpy()[rows]
     index = world._bodies[bodies]

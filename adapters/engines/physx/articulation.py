@@ -88,7 +88,7 @@ class Articulation:
 
     def _ordered(self, values: Array) -> Array:
         """Values of the hinges (j,) in PhysX's order."""
-        found = np.zeros(len(self._order), dtype=np.float32)
+        found = np.zeros(len(self._order))
         found[self._order] = values
         return found
 
