@@ -97,7 +97,7 @@ def model_of(
             place = pose(piece.position, piece.orientation)
             _add_piece(builder, bodies[k], piece, own * place if fixed else place, given, profile)
             owners.append(k)
-    if scenario.trackers:
+    if posed:
         meeting = set(scenario.touching_pairs())
         held = {k for k, body in enumerate(bodies) if body == WORLD}.union(posed)
         for (one, a), (two, b) in combinations(enumerate(owners), 2):
