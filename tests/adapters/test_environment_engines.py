@@ -102,7 +102,7 @@ def test_the_adapter_conforms(name, profile):
 
 @pytest.mark.parametrize("name", [needed("mujoco_warp", slow=True)])
 def test_the_adapter_of_mujoco_warp_has_the_faults_of_mujoco(name):
-    """Checks of conformance find what they find on MuJoCo, whose friction lets a cube hop, and nothing else."""
+    """Checks of conformance find what they find on MuJoCo, whose cubes hop, and nothing else."""
     found, expected = (
         {report.check for report in check(engine, "recommended") if report.faults}
         for engine in (name, "mujoco")
