@@ -95,8 +95,19 @@ def installed(name: str) -> bool:
 
 def own_environment(name: str) -> OwnEnvironment | None:
     """Environment of its own that an engine needs; None for one that is installed beside this program."""
-    entry = ENGINES.get(name) or (entry_of_ours(name) if name in OURS else None)
+    entry = _entry_or_none(name)
     return OwnEnvironment(name, entry.pins) if entry is not None and entry.pins else None
+
+
+def backend_of(name: str) -> str:
+    """Engine of which this is another backend; "" if of none."""
+    entry = _entry_or_none(name)
+    return entry.backend_of if entry is not None else ""
+
+
+def _entry_or_none(name: str) -> Entry | None:
+    """Entry of an engine that is registered or ours; registers nothing."""
+    return ENGINES.get(name) or (entry_of_ours(name) if name in OURS else None)
 
 
 def packages_of(name: str) -> Path | None:
@@ -121,11 +132,18 @@ def missing_reason(name: str) -> str:
 
 
 def load(name: str) -> Engine:
-    """Load the engine called `name`; raises NotInstalled with the package that pip installs."""
+    """Load the engine called `name`; raises NotInstalled with the package that pip installs, and ImportError
+    with what is wrong with its environment."""
     if importlib.util.find_spec(_known(name).package) is None:
         place = packages_of(name)
         raise NotInstalled(f"not found in this process, but in {place}" if place else missing_reason(name))
-    engine: Engine = _named(_entry(name).implementation)()
+    try:
+        engine: Engine = _named(_entry(name).implementation)()
+    except ImportError as error:
+        own = own_environment(name)
+        if own is None or not (fault := own.fault()):
+            raise
+        raise ImportError(f"its environment is broken: {fault} (touchstone env add {name})") from error
     return engine
 
 
@@ -209,7 +227,7 @@ def asked_as(name: str) -> str:
 
 def _known(name: str) -> Entry:
     """An engine's entry; asking does not register one of ours."""
-    return ENGINES.get(name) or (entry_of_ours(name) if name in OURS else _entry(name))
+    return _entry_or_none(name) or _entry(name)
 
 
 def _entry(name: str) -> Entry:

@@ -39,6 +39,7 @@ class Entry:
         lacks: abilities of `conformance/abilities.py` that its first profile has not.
         keeps_fixed_pieces: whether plans leave it the pieces of fixed bodies that nothing can meet, because
             its steps take longer without them (`touchstone study effects`).
+        backend_of: engine of which this is another implementation, with its profiles; "" if of none.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
     the engine's default step, rounded down to a divisor of a frame of 1/60 s; `equal-step` is the same at
@@ -63,6 +64,7 @@ class Entry:
     pins: tuple[str, ...] = ()
     lacks: tuple[str, ...] = ()
     keeps_fixed_pieces: bool = False
+    backend_of: str = ""
 
 
 ENGINES: dict[str, Entry] = {}

@@ -361,6 +361,20 @@ def relations(
     )
 
 
+@studied("parity")
+def parity(
+    scenario: Annotated[options.Names, typer.Argument(help="Scenes (default: five of all kinds).")] = None,
+    engine: options.EngineOption = None,
+    profile: Annotated[options.Names, typer.Option(help="Profiles (default: balanced, recommended).")] = None,
+) -> StudyRequest:
+    """Repeat scenes: other process, threads, order of bodies, batch, backend; what is equal to the bit?"""
+    from touchstone.reports.studies import parity as module
+
+    chosen = scenes_named(scenario or module.SCENES)
+    columns = options.columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    return StudyRequest(module.steps(columns, chosen), partial(module.run, columns, chosen), module.report)
+
+
 @studied("gradients")
 def gradients(
     engine: options.EngineOption = None,

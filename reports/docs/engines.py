@@ -15,7 +15,7 @@ from touchstone.scenarios.catalogue import tagged
 
 MOST = 3
 """Number of causes of failings that are shown."""
-PROBED = (*DEFAULT_ENGINES, "physx", "rapier")
+PROBED = (*DEFAULT_ENGINES, "newton", "physx", "rapier")
 """Engines whose known failings are those of all probes."""
 CONSTRAINTS = Path("constraints.txt")
 """Versions that `make` installs, in a checkout."""

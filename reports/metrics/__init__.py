@@ -116,6 +116,8 @@ SOLVER_METRICS = ("solver.residual", "solver.dropped_time", "solver.parted_energ
 
 SPREAD, HORIZON = "position.spread", "position.horizon"
 """Metrics of all engines: largest distance between two columns [m], and until when they are compared [s]."""
+PARITY = "backend.parity"
+"""Metric of a second backend of an engine: how long all bodies are within 1 mm of the first one's [s]."""
 METRICS: dict[str, Metric] = {metric.name: metric for metric in _ALL}
 IMPULSE_METRICS = (
     *("contact.complementarity", "contact.at_distance", "force.error", "energy.drive"),

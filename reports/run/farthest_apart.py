@@ -16,9 +16,10 @@ import numpy as np
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import load
+from touchstone.adapters.registry import backend_of
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.adapters.workers.scratch import scratch_folder
-from touchstone.reports.metrics import HORIZON, SPREAD
+from touchstone.reports.metrics import HORIZON, PARITY, SPREAD
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
@@ -64,6 +65,24 @@ def apart_rows(
         if last < scenario.frame_count:
             text += f"; until {last / scenario.frame_rate:.3g} s, the horizon of the scene"
         rows.append(replace(base, metric=SPREAD, value=value, unit="m", subject=subject, reason=text))
+    return rows
+
+
+def parity_rows(scenario: Scenario, played: Mapping[Column, Context]) -> list[Row]:
+    """Rows of PARITY: of each column whose engine is a backend of another with a column of this name."""
+    rows = []
+    for (engine, label), context in played.items():
+        other, groups = backend_of(engine), _groups(scenario, context)
+        if (other, label) not in played or not groups:
+            continue
+        pair = {column: played[column] for column in ((other, label), (engine, label))}
+        away = next(iter(_distances(pair, groups).values())).max(axis=1)
+        beyond = np.flatnonzero(~(away <= THRESHOLD))
+        until = (int(beyond[0]) - 1 if len(beyond) else len(away) - 1) / scenario.frame_rate
+        said = f"bodies are within {length_text(THRESHOLD)} of those of {other}"
+        said += f", at most {length_text(np.nanmax(away))} apart"
+        dt = context.recording.facts["dt"]
+        rows.append(Row(STUDY, scenario.name, engine, label, dt, PARITY, until, "s", reason=said))
     return rows
 
 

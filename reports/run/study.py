@@ -14,14 +14,14 @@ from touchstone.adapters.contract import MISSING
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.registry import installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job, Outcome
-from touchstone.reports.metrics import SPREAD
+from touchstone.reports.metrics import PARITY, SPREAD
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.page.run_page import packed_scene, write_page
 from touchstone.reports.progress import SCENE, Progress
 from touchstone.reports.results import Row, save, save_manifest, table, write_beside
-from touchstone.reports.run.farthest_apart import apart_rows, measured_horizon
+from touchstone.reports.run.farthest_apart import apart_rows, measured_horizon, parity_rows
 from touchstone.reports.run.ratios import ratio_rows, timed
 from touchstone.reports.runner.request import MACHINE_PROFILE, STUDY, Request, Results
 from touchstone.reports.verdict.judge import judged_in, lost
@@ -212,6 +212,8 @@ def judge_outcomes(
     rows += ratios_of(scenario, played, rows) + spreads_of(scenario, rows)
     if not request.metrics or SPREAD in request.metrics:
         rows += apart_rows(scenario, {column: seen[column] for column in played}, horizon)
+    if not request.metrics or PARITY in request.metrics:
+        rows += parity_rows(scenario, {column: seen[column] for column in played})
     rows = [judged_in(row, scenario, request.limits) for row in rows]
     if request.metrics:
         return rows

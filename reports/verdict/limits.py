@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.bootstrap import RATIOS
-from touchstone.reports.metrics import HORIZON, METRICS, SPREAD
+from touchstone.reports.metrics import HORIZON, METRICS, PARITY, SPREAD
 from touchstone.reports.results import Row
 from touchstone.scenarios.catalogue import tags
 from touchstone.scenarios.effects import PLANNED
@@ -104,7 +104,7 @@ def own_limits(scenario: Scenario, of_file: Iterable[Limit] = ()) -> tuple[Limit
 def valid_metrics() -> tuple[str, ...]:
     """Names of all metrics of a run, those that compare engines included."""
     spreads = (f"{name}.spread" for name in METRICS if name.startswith("events."))
-    return (*METRICS, *spreads, SPREAD, HORIZON, *RATIOS)
+    return (*METRICS, *spreads, SPREAD, HORIZON, PARITY, *RATIOS)
 
 
 def check_limits(scenarios: Iterable[Scenario]) -> None:

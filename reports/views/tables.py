@@ -9,7 +9,7 @@ from math import isnan, nan
 import numpy as np
 import pandas as pd
 
-from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics import METRICS, PARITY
 from touchstone.reports.results import CONSTRUCTION, HARNESS, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
 from touchstone.reports.runner.request import step_text
 
@@ -75,7 +75,7 @@ def grid(frame: pd.DataFrame, scenario: str, shown: Collection[Column] = ()) -> 
         if column in steps and (row.verdict not in NOT_RUN or subject):
             subjects.setdefault(metric, {})[subject] = None
     rows = []
-    for metric in (name for name in METRICS if name not in HIDDEN):
+    for metric in (name for name in (*METRICS, PARITY) if name not in HIDDEN):
         for subject in subjects.get(metric, {}):
             cells = [_cell(found, column, metric, subject) for column in steps]
             values = [_value(found.get((column, metric, subject))) for column in steps]
@@ -92,9 +92,9 @@ def columns_of(rows: Iterable[Row]) -> dict[Column, str]:
 
 
 def unit_of(metric: str) -> str:
-    """The unit of tables; "1" for ratios of times, which are no metric of one recording."""
+    """The unit of tables; of what is no metric of one recording, "s" of PARITY and "1" of ratios of times."""
     if metric not in METRICS:
-        return "1"
+        return "s" if metric == PARITY else "1"
     shown = METRICS[metric].shown
     return shown[0] if shown else METRICS[metric].unit
 
@@ -115,7 +115,7 @@ def cell_of(row: Row) -> TableCell:
     """The value of a row in the unit of tables, with its verdict."""
     if isnan(row.value):
         return TableCell("never" if row.verdict == "fail" else "-", row.verdict)
-    shown = METRICS[row.metric].shown
+    shown = METRICS[row.metric].shown if row.metric in METRICS else None
     return TableCell(number(row.value * (shown[1] if shown else 1.0)), row.verdict, basis=row.basis)
 
 

@@ -1,11 +1,19 @@
-"""Newton, Rapier and PhysX in their environments: conformance, closed forms, what they report and refuse.
-Without its environment (touchstone env add newton, rapier, physx) an engine is skipped."""
+"""Newton, Rapier, PhysX and MuJoCo Warp in their environments: conformance, closed forms, what they report
+and refuse. Without its environment (`touchstone env add newton`) an engine is skipped."""
 
+import os
+import re
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plain_steps import PLAIN, cost
+from swing_scene import swing
 
 from touchstone.adapters.conformance.check import check
 from touchstone.adapters.contract import Settings
@@ -14,12 +22,15 @@ from touchstone.adapters.registry import (
     DEFAULT_ENGINES,
     installed,
     missing_reason,
+    packages_of,
     profiles_of,
     registered,
     settings_of,
 )
 from touchstone.adapters.workers.children import Children, Job
 from touchstone.adapters.workers.play import play
+from touchstone.adapters.workers.pool import EngineProcess
+from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Capsule, Hull, PairCoefficients
 
@@ -27,8 +38,16 @@ PROFILES = {
     "rapier": ("recommended", "default", "accurate"),
     "physx": ("recommended", "default", "pgs"),
     "newton": ("xpbd", "mujoco", "mujoco-elliptic", "steel", "kamino"),
+    "mujoco_warp": ("recommended", "equal-step", "default", "accurate", "sleeping"),
 }
-NO_HINGES = "the adapter has no hinges of driven bodies"
+COMPILED = ("newton", "mujoco_warp")
+"""Engines that compile their kernels."""
+NO_HINGES = "the adapter has no hinges of driven bodies; choose --drive posed"
+FINDINGS = Path(__file__).parents[2] / "docs" / "findings"
+COST = 1.1
+"""Largest time of an adapter's step over that of a plain one [1]."""
+BACKEND = 1e-3
+"""Distance of MuJoCo Warp from MuJoCo in half a second of `stack` [m]; 0.19 mm measured."""
 SPEED, MU, G, HALF = 3.0, 0.5, 9.81, 0.1
 
 
@@ -40,9 +59,10 @@ def needed(name, *values, slow=False):
 
 
 EACH = [
-    needed(name, profile, slow=name == "newton")
+    needed(name, profile, slow=name in COMPILED)
     for name, profiles in PROFILES.items()
     for profile in profiles
+    if name != "mujoco_warp"
 ]
 BOTH = [needed(name) for name in ("rapier", "physx")]
 
@@ -78,6 +98,16 @@ def test_they_play_only_when_they_are_named(name):
 def test_the_adapter_conforms(name, profile):
     """The checks of conformance find no fault."""
     assert [(report.check, report.faults) for report in check(name, profile) if report.faults] == []
+
+
+@pytest.mark.parametrize("name", [needed("mujoco_warp", slow=True)])
+def test_the_adapter_of_mujoco_warp_has_the_faults_of_mujoco(name):
+    """Checks of conformance find what they find on MuJoCo, whose cubes hop, and nothing else."""
+    found, expected = (
+        {report.check for report in check(engine, "recommended") if report.faults}
+        for engine in (name, "mujoco")
+    )
+    assert found == expected == {"coefficients"}
 
 
 @pytest.mark.parametrize(
@@ -122,20 +152,27 @@ def test_a_capsule_stands_along_its_z_axis(name, lab, box):
     assert run.recording.position[-1, 1, 2] == pytest.approx(0.35, abs=2e-3)
 
 
-@pytest.mark.parametrize("name", BOTH)
-def test_a_prescribed_body_carries_another(name):
+CARRYING = [
+    *(needed(name, "recommended") for name in ("rapier", "physx")),
+    *(needed("newton", profile, slow=True) for profile in ("xpbd", "mujoco", "mujoco-elliptic", "steel")),
+]
+
+
+@pytest.mark.parametrize(("name", "profile"), CARRYING)
+def test_a_prescribed_body_carries_another(name, profile):
     """A load on a platform that moves too gently for it to slip has its velocity, to a step."""
-    run = run_of(catalogue()["platform_stick"], name)
+    run = run_of(catalogue()["platform_stick"], name, profile)
     names = [body.name for body in catalogue()["platform_stick"].bodies]
     load, platform = (run.recording.linear_velocity[:, names.index(one), 0] for one in ("load", "platform"))
     assert platform.max() > 1.0
     np.testing.assert_allclose(load, platform, atol=0.06)
 
 
-@pytest.mark.parametrize("name", BOTH)
+@pytest.mark.parametrize("name", [*BOTH, needed("newton", slow=True)])
 def test_a_posed_hand_pushes_a_ball(name, tmp_path):
     """Driven links are kinematic under the drive `posed`, and push what they meet."""
-    settings = Settings("recommended", profiles_of(name)["recommended"], drive="posed")
+    profile, dt = next(iter(profiles_of(name).items()))
+    settings = Settings(profile, dt, drive="posed")
     job = Job(name, catalogue()["ball_snip"], settings, tmp_path / "run.npz", tmp_path / "output.txt")
     with Children() as children:
         (outcome,) = children.play([job], lambda label, frames: None)
@@ -146,10 +183,10 @@ def test_a_posed_hand_pushes_a_ball(name, tmp_path):
 @pytest.mark.parametrize(
     ("name", "profile", "scene", "reason"),
     [
-        needed("rapier", "recommended", "ball_snip", f"{NO_HINGES}; choose --drive posed"),
-        needed("physx", "recommended", "ball_snip", f"{NO_HINGES}; choose --drive posed"),
+        needed("physx", "recommended", "cone_holds", "no shape Cone"),
+        needed("mujoco_warp", "sleeping", "fall", "no sleeping on the CPU"),
         needed("newton", "xpbd", "ball_snip", NO_HINGES),
-        needed("newton", "xpbd", "platform_stick", "the adapter has no kinematic bodies"),
+        needed("newton", "kamino", "platform_stick", "Kamino's PADMM does not move kinematic bodies"),
         needed("newton", "mujoco", "bounce_e1", "restitution must be 0 or up to 0.3, found 1 for the pairs"),
         needed("newton", "kamino", "fall", "Kamino steps no scene in which nothing can touch"),
     ],
@@ -238,3 +275,71 @@ def test_physx_bounces_from_its_threshold_on(name, profile, rises, lab):
     scenario = lab.scene(lab.ground(), lab.ball("ball", (0.0, 0.0, 0.15)), e=1.0, duration=0.3)
     height = run_of(scenario, name, profile).recording.position[:, 1, 2]
     assert (height[-1] > 0.1) == rises
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_hinges_follow_their_tracker(name):
+    """A hand whose index finger snaps has its other hinges where its glove has them, to what the snap moves
+    them; at the end all are there, and links that may not touch do not."""
+    scenario = catalogue()["ball_snip"]
+    recording = run_of(scenario, name).recording
+    target = sample(scenario.trackers[0], recording.time).angle
+    assert np.ptp(target[:, 3]) > 0.9
+    np.testing.assert_allclose(recording.joint_angle[0], target[0], atol=1e-6)
+    np.testing.assert_allclose(recording.joint_angle[:, 6:], target[:, 6:], atol=0.01)
+    np.testing.assert_allclose(recording.joint_angle[-1], target[-1], atol=1e-3)
+    limits = recording.facts["limits"]
+    for hinge in scenario.joints:
+        assert limits[hinge.name] == pytest.approx((hinge.lower, hinge.upper), abs=1e-6)
+    links = set(scenario.links(scenario.trackers[0]))
+    assert not any(links.issuperset(pair) for pair in recording.contacts[["body_a", "body_b"]].tolist())
+
+
+@pytest.mark.parametrize(("name", "profile"), [needed("physx", p) for p in ("recommended", "pgs")])
+def test_torques_of_hinges_account_for_the_energy(name, profile):
+    """The work of torques read back is the kinetic energy of a finger that bends in the open, to 10 %: at
+    1/120 s, the first step speeds it up by a tenth."""
+    run = run_of(swing(), name, profile)
+    half = len(run.recording.time) // 2
+    link, recording = swing().bodies[1], run.recording
+    speed, spin = recording.linear_velocity[half, 1], recording.angular_velocity[half, 1]
+    energy = 0.5 * link.mass * speed @ speed + 0.5 * link.inertia[1][1] * spin @ spin
+    assert recording.driver_work[half] == pytest.approx(energy, rel=0.1)
+
+
+@pytest.mark.parametrize("name", [needed(name, slow=name in COMPILED) for name in PLAIN])
+def test_a_step_of_the_adapter_costs_as_much_as_a_plain_one(name, tmp_path):
+    """Drive and step of `stack` take at most a tenth longer than in a script without the adapter."""
+    child = EngineProcess(cost, tmp_path / "output.txt")
+    found = child.ask("play", SimpleNamespace(engine=registered(name)))
+    child.stop()
+    assert child.failure is None
+    assert 0.5 < found < COST
+
+
+@pytest.mark.parametrize("name", [needed("mujoco_warp", slow=True)])
+def test_mujoco_warp_plays_the_model_of_mujoco(name):
+    """In `stack` both are at the same place, not to the bit, and their contacts bear the weight."""
+    scenario = catalogue()["stack"]
+    runs = play(scenario, [(name, "recommended"), ("mujoco", "recommended")])
+    one, other = (run.recording for run in runs.values())
+    apart = np.abs(one.position[:30] - other.position[:30]).max()
+    assert 0 < apart < BACKEND
+    weight = sum(body.mass for body in scenario.bodies) * G
+    for recording in (one, other):
+        ground = recording.contacts[recording.contacts["body_a"] == 0]
+        last = ground[ground["time"] > 0.5]["impulse"][:, 2].sum() / 0.5
+        assert last == pytest.approx(weight, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [needed("rapier"), needed("physx"), needed("newton")])
+def test_programs_of_findings_run(name):
+    """Each finding's program runs with the engine alone, and prints figures."""
+    programs = re.findall(r"```python\n(.*?)```", (FINDINGS / f"{name}.md").read_text("utf-8"), re.DOTALL)
+    assert len(programs) >= 3
+    for program in programs:
+        place = {**os.environ, "PYTHONPATH": str(packages_of(name))}
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=place)
+        assert done.returncode == 0, done.stderr
+        assert re.search(r"\d\.\d", done.stdout)

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from swing_scene import swing
 
 from touchstone.adapters.contract import Settings, State
 from touchstone.adapters.recorder import record
@@ -11,8 +12,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Scenario, Tracker
-from touchstone.scenarios.solids import box_inertia
+from touchstone.scenarios.scenario import Body, Box, Piece, Scenario, Tracker
 
 EQUAL = 1 / 240
 ENGINES = ("mujoco", "bullet", "dart")
@@ -40,19 +40,6 @@ def slap(speed: float) -> Scenario:
     )
     table = Body("table", "fixed", "wood", (Piece("top", Box((0.6, 0.4, 0.02)), (0.0, 0.0, -0.02)),))
     return Scenario("slap", "a slap", (), (table, *links), 0.6, TABLE_1, joints=joints, trackers=(glove,))
-
-
-def swing() -> Scenario:
-    """A finger of 0.1 kg on a palm of 10 kg that stays where it is, bent by 1 rad in 0.5 s in the open."""
-    half, middle = (0.05, 0.01, 0.01), (0.05, 0.0, 0.0)
-    palm = Body("palm", "driven", "wood", (), mass=10.0, inertia=box_inertia(10.0, (0.1, 0.1, 0.1)))
-    inertia = box_inertia(0.1, half)
-    piece = (Piece("link", Box(half), middle),)
-    link = Body("link", "driven", "wood", piece, mass=0.1, center_of_mass=middle, inertia=inertia)
-    hinge = Joint("hinge", "palm", "link", (0.1, 0.0, 0.0), (0.0, 1.0, 0.0))
-    still = {"positions": ((0.0, 0.0, 1.0),) * 2, "orientations": ((1.0, 0.0, 0.0, 0.0),) * 2}
-    tracker = Tracker("palm", ("hinge",), (0.0, 0.5), angles=((0.0,), (1.0,)), **still)
-    return Scenario("swing", "a swing", (), (palm, link), 0.5, TABLE_1, joints=(hinge,), trackers=(tracker,))
 
 
 def farthest(engine, scenario: Scenario, settings: Settings) -> float:

@@ -64,7 +64,8 @@ def test_a_broken_environment_is_named(owned):
     assert owned.fault() == "owned_physics: owned_physics/adapter.py is missing or changed"
     file.unlink()
     assert owned.fault() == "owned_physics: owned_physics/adapter.py is missing or changed"
-    assert "owned_physics.adapter" in try_imports(["owned"])["owned"].text
+    said = "its environment is broken: owned_physics: owned_physics/adapter.py is missing or changed"
+    assert f"{said} (touchstone env add owned)" in try_imports(["owned"])["owned"].text
     (owned.folder / f"{CONFLICTING}-99.0.dist-info" / "METADATA").unlink()
     (owned.folder / f"{CONFLICTING}-99.0.dist-info").rename(owned.folder / "gone")
     file.write_text(ADAPTER)

@@ -18,6 +18,8 @@ ENTRY = replace(
     requirement="mujoco-warp",
     compiles="touchstone.adapters.engines.mujoco_warp:compile_note",
     script="",
+    settings="touchstone.adapters.engines.mujoco_warp.settings:SETTINGS",
+    backend_of="mujoco",
     lacks=(*MUJOCO.lacks, "sleeping"),
     pins=("mujoco-warp==4.0.0", *(pin for pin in NEWTON.pins if pin.partition("==")[0] in SHARED)),
 )

@@ -15,11 +15,13 @@ from typing import Any, ClassVar
 
 import mujoco
 import mujoco_warp
+import numpy as np
 import warp
 
 from touchstone.adapters.contract import AdapterError, Manifest, Scalar, Settings, State, Unsupported
 from touchstone.adapters.engines.mujoco.engine import MujocoEngine, World
 from touchstone.adapters.engines.mujoco_warp import ENTRY
+from touchstone.adapters.engines.mujoco_warp.settings import SETTINGS, WORLDS
 from touchstone.adapters.servo import Drive
 from touchstone.scenarios.scenario import Scenario
 
@@ -47,8 +49,11 @@ class MujocoWarpEngine(MujocoEngine):
         """Translate a scenario; raises Unsupported if MuJoCo or MuJoCo Warp cannot represent it."""
         if settings.sleeping or settings.profile == "sleeping":
             raise Unsupported("mujoco_warp: no sleeping on the CPU")
+        own = [text for text in settings.changes if text.startswith(f"{WORLDS}=")]
+        self._worlds = int(SETTINGS.in_force(settings.profile, own)[WORLDS])
+        shared = tuple(text for text in settings.changes if text not in own)
         try:
-            return super().build(scenario, settings)
+            return super().build(scenario, replace(settings, changes=shared))
         except NotImplementedError as error:
             raise Unsupported(f"mujoco_warp: {error}") from error
 
@@ -56,7 +61,7 @@ class MujocoWarpEngine(MujocoEngine):
         self, model: Any, body: list[int], scenario: Scenario, settings: Settings, drives: list[Drive]
     ) -> WarpWorld:
         """What steps a compiled model by Warp."""
-        return WarpWorld(model, body, scenario, settings, drives)
+        return WarpWorld(model, body, scenario, settings, drives, self._worlds)
 
     def version(self) -> str:
         """Version of the installed wheel."""
@@ -64,10 +69,16 @@ class MujocoWarpEngine(MujocoEngine):
 
 
 class WarpWorld(World):
-    """MuJoCo's model and data, and those of Warp that follow them."""
+    """MuJoCo's model and data, and those of Warp that follow them in equal worlds; the first is read."""
 
     def __init__(
-        self, model: Any, body: list[int], scenario: Scenario, settings: Settings, drives: list[Drive]
+        self,
+        model: Any,
+        body: list[int],
+        scenario: Scenario,
+        settings: Settings,
+        drives: list[Drive],
+        worlds: int,
     ) -> None:
         super().__init__(model, body, scenario, settings, drives)
         contacts = CONTACTS_PER_GEOM * max(int(model.ngeom), 1)
@@ -77,7 +88,8 @@ class WarpWorld(World):
             self._warp_model = mujoco_warp.put_model(model)
             model.opt.disableflags = flags
             room = {"nconmax": contacts, "njmax": ROWS_PER_CONTACT * contacts}
-            self._warp_data = mujoco_warp.put_data(model, self._data, **room)
+            self._warp_data = mujoco_warp.put_data(model, self._data, nworld=worlds, **room)
+        self._worlds = worlds
 
     def drive(self, step: int) -> None:
         """Command the driven bodies in MuJoCo's data, and copy what that sets."""
@@ -86,7 +98,7 @@ class WarpWorld(World):
             for name in DRIVEN:
                 values = getattr(self._data, name)
                 if values.size:
-                    getattr(self._warp_data, name).assign(values[None])
+                    getattr(self._warp_data, name).assign(np.repeat(values[None], self._worlds, axis=0))
 
     def step(self) -> None:
         """Advance by one step of MuJoCo Warp."""
@@ -96,7 +108,7 @@ class WarpWorld(World):
     def read(self, state: State) -> None:
         """Read Warp's data into MuJoCo's, and that as the adapter of MuJoCo does."""
         data = self._warp_data
-        if data.nacon.numpy()[0] > data.naconmax or data.nefc.numpy()[0] > data.njmax:
+        if data.nacon.numpy()[0] > data.naconmax or data.nefc.numpy().max() > data.njmax:
             raise AdapterError("mujoco_warp: more contacts than there is room for; the others are dropped")
         mujoco_warp.get_data_into(self._data, self._model, data)
         super().read(state)
@@ -106,7 +118,7 @@ class WarpWorld(World):
         return replace(super().describe(), engine=MujocoWarpEngine.name, version=version("mujoco-warp"))
 
     def _facts(self) -> dict[str, Scalar]:
-        return super()._facts() | {"warp": version("warp-lang"), "device": CPU}
+        return super()._facts() | {"warp": version("warp-lang"), "device": CPU, WORLDS: self._worlds}
 
     def cross(self) -> None:
         """Make an empty call into Warp."""

@@ -14,7 +14,7 @@ ENTRY = Entry(
     compiles="touchstone.adapters.engines.newton:compile_note",
     settings="touchstone.adapters.engines.newton.settings:SETTINGS",
     lacks=(
-        *("hinges of driven bodies", "kinematic links", "prescribed bodies", "moving surfaces"),
+        *("hinges of driven bodies", "moving surfaces"),
         *("joints between bodies", "static friction", "rolling friction", "torsional friction", "sleeping"),
     ),
     pins=(

@@ -7,7 +7,7 @@ shape 0 and is the mean over the step; force times dt is the impulse. Contacts a
 XPBD does not report the impulses by which it restores restitution after its positions are solved. Friction
 and restitution are given per shape: MuJoCo takes the larger friction, the others the mean of both. MuJoCo has
 no restitution, nor has Kamino with its defaults. Torsional and rolling friction, which Newton has by default,
-are off.
+are off. Kinematic bodies are where a step starts while it is solved, and contacts feel their velocity in it.
 
 Profiles, at the steps of Newton's examples of rigid contact: `xpbd` (ten iterations; restitution where a pair
 has some) and `steel` take the contacts of Newton's CollisionPipeline; `mujoco` (MuJoCo Warp),
@@ -26,6 +26,7 @@ from typing import Any, ClassVar
 import newton
 import numpy as np
 import warp
+from numpy.typing import NDArray
 
 from touchstone.adapters.contract import (
     AdapterError,
@@ -40,7 +41,8 @@ from touchstone.adapters.contract import (
 )
 from touchstone.adapters.engines.newton import ENTRY, KAMINO, STEEL
 from touchstone.adapters.engines.newton.model import CPU, INELASTIC, OF_MUJOCO, WORLD, model_of, solver_of
-from touchstone.adapters.posed_drive import coupled
+from touchstone.adapters.engines.newton.settings import SETTINGS
+from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
 from touchstone.scenarios.avatar.surface_motion import surface_moves
@@ -69,16 +71,18 @@ class NewtonEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
-        if len(coupled(scenario, settings)) < len(scenario.trackers):
-            raise Unsupported("newton: the adapter has no kinematic bodies")
-        if any(tracker.joints for tracker in scenario.trackers):
-            raise Unsupported("newton: the adapter has no hinges of driven bodies")
+        if settings.profile == KAMINO and len(coupled(scenario, settings)) < len(scenario.trackers):
+            raise Unsupported("newton: Kamino's PADMM does not move kinematic bodies")
+        if any(scenario.trackers[k].joints for k in coupled(scenario, settings)):
+            raise Unsupported("newton: the adapter has no hinges of driven bodies; choose --drive posed")
         if any(map(surface_moves, scenario.bodies)):
             raise Unsupported("newton: the adapter has no moving surfaces")
         if settings.sleeping:
             raise Unsupported("newton: these solvers have no sleeping on the CPU")
         if settings.profile == KAMINO and not any(scenario.touching_pairs()):
             raise Unsupported("newton: Kamino steps no scene in which nothing can touch")
+        if scenario.trackers and SETTINGS.in_force(settings.profile, settings.changes)["worlds"] > 1:
+            raise Unsupported("newton: the adapter has no batches of scenes with trackers")
         return World(scenario, settings)
 
     def version(self) -> str:
@@ -92,12 +96,18 @@ class World:
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
         self._scenario, self._settings = scenario, settings
-        self._drives = [Drive(scenario, one, settings.dt, settings.drive) for one in scenario.trackers]
+        self._posed, self._coupled = posed_of(scenario, settings), coupled(scenario, settings)
+        posed = [link for one, _ in self._posed for link in one.links]
+        self._drives = [
+            Drive(scenario, scenario.trackers[k], settings.dt, settings.drive) for k in self._coupled
+        ]
         masses = simulated_masses(scenario, self._drives)
-        self._model, bodies, owners = model_of(scenario, settings.profile, masses)
+        self._worlds = int(SETTINGS.in_force(settings.profile, settings.changes)["worlds"])
+        self._model, bodies, owners = model_of(scenario, settings.profile, masses, posed, self._worlds)
         self._bodies, self._owners = np.array(bodies), np.array(owners)
-        self._free = np.flatnonzero(self._bodies != WORLD)
+        self._free = np.array([k for k, own in enumerate(bodies) if own != WORLD and k not in posed], int)
         self._fixed = np.flatnonzero(self._bodies == WORLD)
+        self._moment = 0
         self._now, self._before = self._model.state(), self._model.state()
         self._set_motion()
         self._solver, self._control = solver_of(self._model, settings), self._model.control()
@@ -118,12 +128,12 @@ class World:
 
     def _set_motion(self) -> None:
         """Set velocities, and the poses of driven bodies, at the start."""
-        if not len(self._free):
+        if self._model.body_count == 0:
             return
         moved, place = self._now.body_qd.numpy(), self._now.body_q.numpy()
         for k in self._free:
-            body = self._scenario.bodies[k]
-            moved[self._bodies[k]] = *body.linear_velocity, *body.angular_velocity
+            body, each = self._scenario.bodies[k], self._model.body_count // self._worlds
+            moved[self._bodies[k] :: each] = *body.linear_velocity, *body.angular_velocity
         for drive in self._drives:
             root = self._bodies[drive.links[0]]
             place[root] = *drive.start_position[0], *np.roll(drive.start_orientation[0], -1)
@@ -132,9 +142,25 @@ class World:
         self._now.body_qd.assign(moved)
         newton.eval_ik(self._model, self._now, self._now.joint_q, self._now.joint_qd)
 
+    def _pose(self, step: int) -> None:
+        """Put kinematic bodies where a step starts, with their velocity in it."""
+        place, moved = self._now.body_q.numpy(), self._now.body_qd.numpy()
+        for one, _ in self._posed:
+            for k, link in enumerate(one.links):
+                body = self._bodies[link]
+                place[body] = *one.place[k, step], *np.roll(one.orientation[k, step], -1)
+                moved[body] = *one.velocity[k, step], *one.omega[k, step]
+        self._now.body_q.assign(place)
+        self._now.body_qd.assign(moved)
+        given = self._model, self._now, self._now.joint_q, self._now.joint_qd
+        newton.eval_ik(*given, body_flag_filter=newton.BodyFlags.KINEMATIC)
+
     def drive(self, step: int) -> None:
         """Apply force and torque to the roots, which feel no gravity. Keep the poses of the step's start, for
         its contacts: XPBD overwrites its input state."""
+        self._moment = step + 1
+        if self._posed:
+            self._pose(step)
         self._start = self._now.body_q.numpy().astype(float)
         self._now.clear_forces()
         if not self._drives:
@@ -171,7 +197,9 @@ class World:
             state.orientation[self._free] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
             state.linear_velocity[self._free] = moved[:, :3]
             state.angular_velocity[self._free] = moved[:, 3:]
-        for number, drive in enumerate(self._drives):
+        for one, hinges in self._posed:
+            one.show(self._moment, state, hinges)
+        for number, drive in zip(self._coupled, self._drives):
             root = drive.links[0]
             drive.read_central(
                 state, number, *(one[root].copy() for one in (state.linear_velocity, state.angular_velocity))
@@ -187,12 +215,14 @@ class World:
         full = self._solver.constraint_overflow if self._settings.profile == STEEL else self._room
         if count > contacts.rigid_contact_max or (full is not None and full.numpy().any()):
             raise AdapterError("newton: more contacts than there is room for; Newton drops the others")
-        a = self._owners[contacts.rigid_contact_shape0.numpy()[:count]]
-        b = self._owners[contacts.rigid_contact_shape1.numpy()[:count]]
-        first = _points(self, a, contacts.rigid_contact_point0, contacts.rigid_contact_offset0)
-        second = _points(self, b, contacts.rigid_contact_point1, contacts.rigid_contact_offset1)
-        normal = contacts.rigid_contact_normal.numpy()[:count].astype(float)
-        impulse = -self._observed.contact_f.numpy()[:count, :3].astype(float) * self._settings.dt
+        shapes = contacts.rigid_contact_shape0, contacts.rigid_contact_shape1
+        one, two = (each.numpy()[:count] for each in shapes)
+        mine = np.flatnonzero((one < len(self._owners)) & (two < len(self._owners)))  # of the first world
+        a, b = self._owners[one[mine]], self._owners[two[mine]]
+        first = _points(self, a, mine, contacts.rigid_contact_point0, contacts.rigid_contact_offset0)
+        second = _points(self, b, mine, contacts.rigid_contact_point1, contacts.rigid_contact_offset1)
+        normal = contacts.rigid_contact_normal.numpy()[mine].astype(float)
+        impulse = -self._observed.contact_f.numpy()[mine, :3].astype(float) * self._settings.dt
         distance = ((second - first) * normal).sum(axis=1)
         acted = (distance <= 0) | impulse.any(axis=1)  # others are candidates within Newton's gap
         point = (first + second) / 2
@@ -211,8 +241,7 @@ class World:
                 tuple(com[body].astype(float).tolist()),
                 tuple(tuple(row) for row in inertia[body].astype(float).tolist()),
             )
-            for k, body in enumerate(self._bodies)
-            if body != WORLD
+            for k, body in zip(self._free, self._bodies[self._free])
         }
         return Manifest(
             engine=NewtonEngine.name,
@@ -222,9 +251,11 @@ class World:
             settings=self._facts(),
             bodies=without_ballast(facts, scenario, self._drives),
             pairs=self._pairs(),
-            drives={one.root: drive.gains() for one, drive in zip(scenario.trackers, self._drives)},
+            drives={
+                scenario.trackers[k].root: drive.gains() for k, drive in zip(self._coupled, self._drives)
+            },
             pieces={body.name: int((self._owners == k).sum()) for k, body in enumerate(scenario.bodies)},
-            freedom=int(model.joint_dof_count),
+            freedom=6 * len(self._free),
         )
 
     def _facts(self) -> dict[str, Scalar]:
@@ -281,9 +312,9 @@ class World:
         del self._solver, self._detector, self._contacts, self._observed, self._model
 
 
-def _points(world: World, bodies: Array, points: Any, offsets: Any) -> Array:
-    """Places of contacts on the surfaces of bodies (c, 3) [m], at the step's start."""
-    local = points.numpy()[: len(bodies)].astype(float) + offsets.numpy()[: len(bodies)]
+def _points(world: World, bodies: Array, rows: NDArray[np.int_], points: Any, offsets: Any) -> Array:
+    """Places of some contacts (c,) on the surfaces of bodies (c, 3) [m], at the step's start."""
+    local = points.numpy()[rows].astype(float) + offsets.numpy()[rows]
     index = world._bodies[bodies]
     moving = index != WORLD
     if not moving.any():

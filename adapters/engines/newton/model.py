@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any
 
 import newton
@@ -22,7 +23,7 @@ from touchstone.adapters.material_combine import (
     restitutions,
 )
 from touchstone.scenarios import scenario as shapes
-from touchstone.scenarios.scenario import Body, Piece, Scenario
+from touchstone.scenarios.scenario import UNMOVED, Body, Piece, Scenario
 
 RESTITUTION_MAX = 0.3
 """Restitution up to which impacts are played without any by solvers that have none [1]: that of the materials
@@ -69,10 +70,14 @@ def restitutions_of(scenario: Scenario, profile: str) -> list[float]:
 
 
 def model_of(
-    scenario: Scenario, profile: str, masses: Sequence[Body | BodyFacts]
+    scenario: Scenario,
+    profile: str,
+    masses: Sequence[Body | BodyFacts],
+    posed: Sequence[int] = (),
+    worlds: int = 1,
 ) -> tuple[Any, list[int], list[int]]:
-    """Newton's model with the masses of all bodies, Newton's body per body of the scenario (WORLD: fixed),
-    and the body of each shape."""
+    """Newton's model with the masses of all bodies, those of `posed` kinematic, in equal worlds; of the first
+    Newton's body per body of the scenario (WORLD: fixed), and the body of each shape."""
     builder = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
     (friction, priority), restitution = frictions_of(scenario, profile), restitutions_of(scenario, profile)
     if profile in OF_MUJOCO:
@@ -80,19 +85,32 @@ def model_of(
     bodies, owners = [], []
     for k, body in enumerate(scenario.bodies):
         own = pose(body.position, body.orientation)
-        fixed = body.kind == "fixed"
+        fixed = body.kind in UNMOVED and k not in posed
         config = newton.ModelBuilder.ShapeConfig(
             density=0.0, mu=friction[k], restitution=restitution[k], mu_torsional=0.0, mu_rolling=0.0
         )
         given = {"cfg": config}
         if priority[k]:
             given["custom_attributes"] = {PRIORITY: priority[k]}
-        bodies.append(WORLD if fixed else _add_body(builder, body.name, masses[k], own))
+        bodies.append(WORLD if fixed else _add_body(builder, body.name, masses[k], own, k in posed))
         for piece in body.pieces:
             place = pose(piece.position, piece.orientation)
-            _add_piece(builder, bodies[k], piece, own * place if fixed else place, given)
+            _add_piece(builder, bodies[k], piece, own * place if fixed else place, given, profile)
             owners.append(k)
-    return builder.finalize(device=CPU), bodies, owners
+    if posed:
+        meeting = set(scenario.touching_pairs())
+        held = {k for k, body in enumerate(bodies) if body == WORLD}.union(posed)
+        for (one, a), (two, b) in combinations(enumerate(owners), 2):
+            if (a, b) not in meeting or {a, b} <= held:
+                builder.add_shape_collision_filter_pair(one, two)
+    whole = builder
+    if worlds > 1:
+        whole = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
+        if profile in OF_MUJOCO:
+            newton.solvers.SolverMuJoCo.register_custom_attributes(whole)
+        for _ in range(worlds):
+            whole.add_world(builder)
+    return whole.finalize(device=CPU), bodies, owners
 
 
 def pose(position: Any, orientation: Any) -> Any:
@@ -101,16 +119,18 @@ def pose(position: Any, orientation: Any) -> Any:
     return warp.transform(tuple(position), warp.quat(x, y, z, w))
 
 
-def _add_body(builder: Any, name: str, masses: Body | BodyFacts, own: Any) -> int:
-    inertia = warp.mat33(np.array(masses.inertia, dtype=np.float32))
-    com = tuple(masses.center_of_mass)
-    index: int = builder.add_body(
-        xform=own, com=com, inertia=inertia, mass=masses.mass, label=name, lock_inertia=True
-    )
+def _add_body(builder: Any, name: str, masses: Body | BodyFacts, own: Any, posed: bool) -> int:
+    if not masses.mass > 0:  # a prescribed body; MuJoCo ignores the velocity of one without mass
+        masses = BodyFacts(1.0, masses.center_of_mass, tuple(map(tuple, np.eye(3).tolist())))
+    given = {"inertia": warp.mat33(np.array(masses.inertia, dtype=np.float32)), "lock_inertia": True}
+    given |= {"com": tuple(masses.center_of_mass), "mass": masses.mass, "is_kinematic": posed}
+    index: int = builder.add_body(xform=own, label=name, **given)
     return index
 
 
-def _add_piece(builder: Any, body: int, piece: Piece, place: Any, given: dict[str, Any]) -> None:
+def _add_piece(
+    builder: Any, body: int, piece: Piece, place: Any, given: dict[str, Any], profile: str
+) -> None:
     given = {"xform": place, **given}
     match piece.shape:
         case shapes.Sphere(radius):
@@ -123,6 +143,10 @@ def _add_piece(builder: Any, body: int, piece: Piece, place: Any, given: dict[st
             builder.add_shape_cylinder(body, radius=radius, half_height=half_length, **given)
         case shapes.Ellipsoid((x, y, z)):
             builder.add_shape_ellipsoid(body, rx=x, ry=y, rz=z, **given)
+        case shapes.Cone(radius, half_length) if profile not in OF_MUJOCO:
+            builder.add_shape_cone(body, radius=radius, half_height=half_length, **given)
+        case shapes.HalfSpace():
+            builder.add_shape_plane(None, body=body, width=0.0, length=0.0, **given)
         case shapes.Hull(vertices):
             builder.add_shape_convex_hull(body, mesh=_mesh(np.array(vertices)), **given)
         case _:

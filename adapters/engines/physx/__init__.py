@@ -13,7 +13,7 @@ ENTRY = Entry(
     requirement="sapien",
     settings="touchstone.adapters.engines.physx.settings:SETTINGS",
     lacks=(
-        *("cylinders", "ellipsoids", "hinges of driven bodies", "moving surfaces", "joints between bodies"),
+        *("ellipsoids", "moving surfaces", "joints between bodies"),
         *("static friction", "rolling friction", "torsional friction"),
     ),
     pins=(

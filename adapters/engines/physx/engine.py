@@ -5,7 +5,8 @@ of its mass centre, along world axes. Of a contact of bodies 0 and 1 the normal 
 lies on the surface of 1, from which we compute the midpoint, and the impulse acts on 0. SAPIEN passes on
 normal impulses alone: PhysX reports those of friction apart. Contacts are those of the step's start. Friction
 (static and dynamic are equal) and restitution belong to materials; PhysX takes the mean of both, and SAPIEN
-has no other combine mode. There is no ellipsoid.
+has no other combine mode. SAPIEN's cylinders are prisms of 32 sides; there are neither cones nor
+ellipsoids. Driven bodies with hinges are articulations (`articulation.py`).
 
 Profiles, at 1/120 s, SAPIEN's 1/100 s fitted to a frame: `default` has SAPIEN's defaults: TGS, ten position
 iterations, bounces from 2 m/s on, and PhysX's angular damping. `recommended` has the step and the bounce
@@ -25,7 +26,15 @@ import numpy as np
 
 from touchstone.adapters.contract import Manifest, PairFacts, Settings, State, Unsupported
 from touchstone.adapters.engines.physx import ENTRY
-from touchstone.adapters.engines.physx.model import add_bodies, facts_of, mass_facts, pose, scene_of
+from touchstone.adapters.engines.physx.articulation import HINGE_DRIVES, Articulation
+from touchstone.adapters.engines.physx.model import (
+    Pieces,
+    add_bodies,
+    facts_of,
+    mass_facts,
+    pose,
+    scene_of,
+)
 from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive, without_ballast
@@ -42,8 +51,6 @@ class PhysxEngine:
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
-        if any(scenario.trackers[k].joints for k in coupled(scenario, settings)):
-            raise Unsupported("physx: the adapter has no hinges of driven bodies; choose --drive posed")
         if any(map(surface_moves, scenario.bodies)):
             raise Unsupported("physx: the adapter has no moving surfaces")
         return World(scenario, settings)
@@ -64,7 +71,15 @@ class World:
         self._coupled = coupled(scenario, settings)
         driven = [scenario.trackers[k] for k in self._coupled]
         self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
-        self._added = add_bodies(self._scene, scenario, settings, posed, self._drives)
+        pieces = Pieces(scenario, settings)
+        added = add_bodies(self._scene, scenario, settings, posed, self._drives, pieces)
+        self._jointed = []
+        for tracker, drive in zip(driven, self._drives):
+            if tracker.joints:
+                given = self._scene, scenario, tracker, drive, settings, pieces.attach
+                self._jointed.append(Articulation(*given))
+                added |= self._jointed[-1].added
+        self._added = [added[k] for k in range(len(scenario.bodies))]
         self._number = {component: k for k, (_, component) in enumerate(self._added)}
         still = [body.kind == "fixed" or k in posed for k, body in enumerate(scenario.bodies)]
         self._moving = [k for k, fixed in enumerate(still) if not fixed]
@@ -80,6 +95,8 @@ class World:
             place, turn = entity.pose.p.astype(float), entity.pose.q.astype(float)
             moved = body.linear_velocity.astype(float), body.angular_velocity.astype(float)
             body.add_force_torque(*drive.central_wrench(step, place, turn, *moved), "force")
+        for jointed in self._jointed:
+            jointed.command(step)
         for one, _ in self._posed:
             for k, link in enumerate(one.links):
                 target = pose(one.place[k, step + 1], one.orientation[k, step + 1])
@@ -105,6 +122,11 @@ class World:
             drive.read_central(
                 state, k, body.linear_velocity.astype(float), body.angular_velocity.astype(float)
             )
+        if self._jointed:
+            angles, rates = zip(*(jointed.state() for jointed in self._jointed))
+            state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
+            if self._moment:
+                state.hinge_torque[:] = np.concatenate([jointed.torques() for jointed in self._jointed])
         self._read_contacts(state)
 
     def _read_contacts(self, state: State) -> None:
@@ -133,7 +155,10 @@ class World:
             version=version("sapien"),
             profile=self._settings.profile,
             dt=self._settings.dt,
-            settings={**facts_of(self._system, components), "root_drive": ROOT_DRIVES[self._settings.drive]},
+            settings=facts_of(self._system, components)
+            | {"root_drive": ROOT_DRIVES[self._settings.drive]}
+            | ({"hinge_drive": HINGE_DRIVES[self._settings.drive]} if self._jointed else {}),
+            limits={name: both for jointed in self._jointed for name, both in jointed.limits().items()},
             drives={
                 scenario.trackers[k].root: drive.gains() for k, drive in zip(self._coupled, self._drives)
             },
@@ -145,7 +170,7 @@ class World:
                 for a, b in scenario.touching_pairs()
             ),
             pieces={name: len(one.collision_shapes) for name, one in zip(names, components)},
-            freedom=6 * len(self._moving),
+            freedom=6 * len(self._moving) - 5 * sum(len(one.added) - 1 for one in self._jointed),
         )
 
     def _combined(self, a: Any, b: Any) -> tuple[float, float]:
@@ -168,5 +193,5 @@ class World:
 
     def close(self) -> None:
         """Release the scene."""
-        self._number, self._added = {}, []
+        self._number, self._added, self._jointed = {}, [], []
         del self._scene, self._system

@@ -31,7 +31,8 @@ with warnings.catch_warnings():
 from sapien import physx
 
 X_TO_Z = sapien.Pose((0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0))
-"""Turns the x axis, along which PhysX's capsules lie, to the z axis, along which ours do."""
+"""Turns the x axis, along which PhysX's capsules, cylinders and normals of planes lie, to the z axis, along
+which ours do."""
 OF_SCENE = (
     *("bounce_threshold", "enable_pcm", "enable_ccd"),
     *("enable_friction_every_iteration", "enable_enhanced_determinism"),
@@ -56,34 +57,56 @@ UNREADABLE: dict[str, Scalar] = {
 
 
 def scene_of(settings: Settings, gravity: tuple[float, ...]) -> tuple[Any, Any]:
-    """An empty scene on its PhysX system, which runs on the calling thread, with a profile's settings."""
+    """An empty scene on its PhysX system, with a profile's settings."""
     values = SETTINGS.in_force(settings.profile, settings.changes)
     given = {name: type(getattr(physx.PhysxSceneConfig(), name))(values[name]) for name in OF_SCENE}
-    physx.set_scene_config(gravity=gravity, enable_tgs=bool(values["solver"]), cpu_workers=0, **given)
+    given |= {"enable_tgs": bool(values["solver"]), "cpu_workers": values["cpu_workers"]}
+    physx.set_scene_config(gravity=gravity, **given)
     system = physx.PhysxCpuSystem()
     system.timestep = settings.dt
     return sapien.Scene([system]), system
 
 
-def add_bodies(
-    scene: Any, scenario: Scenario, settings: Settings, posed: Mapping[int, Posed], drives: Sequence[Drive]
-) -> list[tuple[Any, Any]]:
-    """Add all bodies, those of `posed` as kinematic ones at the start of their motion, and the roots of
-    `drives` with their ballast, without gravity; SAPIEN's entity and component of each."""
-    friction = mean_factors("physx", "friction", scenario, frictions(scenario), signed=True)
-    restitution = mean_factors("physx", "restitution", scenario, restitutions(scenario))
-    values = SETTINGS.in_force(settings.profile, settings.changes)
-    roots = {drive.links[0]: drive for drive in drives}
-    added = []
-    for k, body in enumerate(scenario.bodies):
-        fixed = body.kind in UNMOVED and k not in posed
-        component = physx.PhysxRigidStaticComponent() if fixed else physx.PhysxRigidDynamicComponent()
-        material = physx.PhysxMaterial(friction[k], friction[k], restitution[k])
-        for piece in body.pieces:
+class Pieces:
+    """Adds the pieces of bodies to components, with their materials and a profile's settings."""
+
+    def __init__(self, scenario: Scenario, settings: Settings) -> None:
+        self._bodies = scenario.bodies
+        self._friction = mean_factors("physx", "friction", scenario, frictions(scenario), signed=True)
+        self._restitution = mean_factors("physx", "restitution", scenario, restitutions(scenario))
+        self._values = SETTINGS.in_force(settings.profile, settings.changes)
+
+    def attach(self, component: Any, k: int, groups: Sequence[int] = ()) -> None:
+        """Add the pieces of a body, in SAPIEN's collision groups if some are given."""
+        material = physx.PhysxMaterial(self._friction[k], self._friction[k], self._restitution[k])
+        for piece in self._bodies[k].pieces:
             shape = _shape(piece, material)
             for name in OF_SHAPES:
-                setattr(shape, name, values[name])
+                setattr(shape, name, self._values[name])
+            if groups:
+                shape.set_collision_groups(list(groups))
             component.attach(shape)
+
+
+def add_bodies(
+    scene: Any,
+    scenario: Scenario,
+    settings: Settings,
+    posed: Mapping[int, Posed],
+    drives: Sequence[Drive],
+    pieces: Pieces,
+) -> dict[int, tuple[Any, Any]]:
+    """Add all bodies but those with hinges: those of `posed` as kinematic ones at the start of their motion,
+    and the roots of `drives` with their ballast, without gravity; SAPIEN's entity and component of each."""
+    values = SETTINGS.in_force(settings.profile, settings.changes)
+    roots = {drive.links[0]: drive for drive in drives if len(drive.links) == 1}
+    added = {}
+    for k, body in enumerate(scenario.bodies):
+        if body.kind == "driven" and k not in posed and k not in roots:
+            continue
+        fixed = body.kind in UNMOVED and k not in posed
+        component = physx.PhysxRigidStaticComponent() if fixed else physx.PhysxRigidDynamicComponent()
+        pieces.attach(component, k)
         entity = sapien.Entity()
         entity.add_component(component)
         if k in posed:
@@ -101,7 +124,7 @@ def add_bodies(
         elif not fixed and k not in posed:
             moved = np.array(body.linear_velocity), np.array(body.angular_velocity)
             _set_motion(component, body, moved, values, SLEEP_THRESHOLD if settings.sleeping else 0.0)
-        added.append((entity, component))
+        added[k] = entity, component
     return added
 
 
@@ -118,6 +141,16 @@ def _set_motion(
     threshold: float,
 ) -> None:
     """Mass, inertia, velocities and settings of a body that PhysX moves."""
+    set_mass(component, body)
+    component.set_linear_velocity(moved[0])
+    component.set_angular_velocity(moved[1])
+    component.set_sleep_threshold(threshold)
+    for name in OF_BODIES:
+        setattr(component, name, values[name])
+
+
+def set_mass(component: Any, body: Body | BodyFacts) -> None:
+    """Mass, mass centre and inertia of a body."""
     moments, axes = np.linalg.eigh(np.array(body.inertia))
     if np.linalg.det(axes) < 0:
         axes[:, 0] = -axes[:, 0]
@@ -125,11 +158,6 @@ def _set_motion(
     component.set_cmass_local_pose(pose(body.center_of_mass, turn))
     component.set_mass(body.mass)
     component.set_inertia(tuple(moments))
-    component.set_linear_velocity(moved[0])
-    component.set_angular_velocity(moved[1])
-    component.set_sleep_threshold(threshold)
-    for name in OF_BODIES:
-        setattr(component, name, values[name])
 
 
 def _shape(piece: Piece, material: Any) -> Any:
@@ -141,6 +169,10 @@ def _shape(piece: Piece, material: Any) -> Any:
             shape = physx.PhysxCollisionShapeBox(half, material)
         case shapes.Capsule(radius, half_length):
             shape, place = physx.PhysxCollisionShapeCapsule(radius, half_length, material), place * X_TO_Z
+        case shapes.Cylinder(radius, half_length):
+            shape, place = physx.PhysxCollisionShapeCylinder(radius, half_length, material), place * X_TO_Z
+        case shapes.HalfSpace():
+            shape, place = physx.PhysxCollisionShapePlane(material), place * X_TO_Z
         case shapes.Hull(vertices):
             corners = np.array(vertices, dtype=np.float32)
             shape = physx.PhysxCollisionShapeConvexMesh(corners, (1.0, 1.0, 1.0), material)

@@ -44,6 +44,7 @@ SETTINGS = Table(
             whole=False,
         ),
         Range("max_angular_velocity", 1e-3, 1e6, "rad/s", _all("100.0"), "of each body", whole=False),
+        Range("cpu_workers", 0, 64, "", _all("0"), "threads of the scene; 0: the calling one"),
         Choice("enable_pcm", _SWITCH, _all("yes"), "persistent contact manifolds"),
         Choice("enable_ccd", _SWITCH, _all("no"), "continuous detection, as SAPIEN enables it"),
         Choice("enable_friction_every_iteration", _SWITCH, _all("yes"), "no: in the last three iterations"),

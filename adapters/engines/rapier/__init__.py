@@ -12,7 +12,7 @@ ENTRY = Entry(
     requirement="rapier3d",
     settings="touchstone.adapters.engines.rapier.settings:SETTINGS",
     lacks=(
-        *("cylinders", "ellipsoids", "hinges of driven bodies", "moving surfaces", "joints between bodies"),
+        *("ellipsoids", "moving surfaces", "joints between bodies"),
         *("static friction", "rolling friction", "torsional friction"),
     ),
     pins=("rapier3d==0.36.1",),

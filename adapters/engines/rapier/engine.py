@@ -6,7 +6,8 @@ body's velocity is that of its mass centre, along world axes. A manifold's norma
 Contacts are those of the step's start; Rapier keeps them while a pair moves by less than 5 cm, and the
 distance is computed from its points. Friction and restitution belong to colliders with a combine rule each:
 the adapter takes Rapier's default, the mean, or the first of product, least and largest that gives each pair
-its coefficients. Masses are those of the scene: colliders have no density. There is no ellipsoid.
+its coefficients. Masses are those of the scene: colliders have no density. There is no ellipsoid. Driven
+bodies with hinges are multibodies (`multibody.py`).
 
 Impulses of friction are those of COULOMB: per point along two axes that follow from the normal. SIMPLIFIED
 reports none, so that its contacts have the normal impulse alone.
@@ -47,6 +48,7 @@ from touchstone.adapters.engines.rapier.model import (
     world_of,
     wxyz,
 )
+from touchstone.adapters.engines.rapier.multibody import HINGE_DRIVE, Hinges, groups_of
 from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive
@@ -77,8 +79,6 @@ class RapierEngine:
         """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
         others = coupled(scenario, settings)
-        if any(scenario.trackers[k].joints for k in others):
-            raise Unsupported("rapier: the adapter has no hinges of driven bodies; choose --drive posed")
         if others and settings.drive != "native":
             raise Unsupported("rapier: forces act in each substep, not once; choose --drive native")
         if any(map(surface_moves, scenario.bodies)):
@@ -100,9 +100,14 @@ class World:
         posed = {link: one for one, _ in self._posed for link in one.links}
         driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
         self._drives = {one.root: Drive(scenario, one, settings.dt, "torque") for one in driven}
-        self._handles, self._rules = add_bodies(self._world, scenario, settings, posed)
+        jointed = [one for one in driven if one.joints]
+        groups = groups_of(scenario, jointed)
+        self._handles, self._rules = add_bodies(self._world, scenario, settings, posed, groups)
         self._anchors = [
             add_coupling(self._world, one, self._handles[one.links[0]]) for one in self._drives.values()
+        ]
+        self._hinges = [
+            Hinges(self._world, scenario, one, self._drives[one.root], self._handles) for one in jointed
         ]
         self._bodies = [self._world.rigid_bodies[handle] for handle in self._handles]
         self._moving = [k for k, body in enumerate(self._bodies) if body.is_dynamic]
@@ -122,6 +127,8 @@ class World:
         for drive, (place, turn) in zip(self._drives.values(), self._anchors):
             place.set_next_kinematic_position(pose(drive.target.position[step], UNTURNED))
             turn.set_next_kinematic_position(pose(ORIGIN, drive.target.orientation[step]))
+        for hinges in self._hinges:
+            hinges.command(step)
         for one, _ in self._posed:
             for k, link in enumerate(one.links):
                 place = pose(one.place[k, step + 1], one.orientation[k, step + 1])
@@ -143,6 +150,9 @@ class World:
             state.linear_velocity[k] = body.linvel.to_tuple()
             state.angular_velocity[k] = body.angvel.to_tuple()
         state.position[:], state.orientation[:] = self._position, self._orientation
+        if self._hinges:
+            angles, rates = zip(*(one.state() for one in self._hinges))
+            state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
         for one, hinges in self._posed:
             one.show(self._moment, state, hinges)
             links = list(one.links)
@@ -192,14 +202,16 @@ class World:
             profile=self._settings.profile,
             dt=self._settings.dt,
             settings=facts_of(world, self._settings, self._rules)
-            | {"root_drive": ROOT_DRIVE if self._anchors else ROOT_DRIVES["posed"]},
+            | {"root_drive": ROOT_DRIVE if self._anchors else ROOT_DRIVES["posed"]}
+            | ({"hinge_drive": HINGE_DRIVE} if self._hinges else {}),
+            limits={name: both for one in self._hinges for name, both in one.limits().items()},
             bodies={names[k]: mass_facts(self._bodies[k]) for k in self._moving},
             pairs=tuple(
                 PairFacts(names[a], names[b], *self._combined(a, b)) for a, b in scenario.touching_pairs()
             ),
             drives={root: drive.gains() for root, drive in self._drives.items()},
             pieces={name: len(body.colliders) for name, body in zip(names, self._bodies)},
-            freedom=6 * len(self._moving),
+            freedom=6 * len(self._moving) - 5 * sum(len(one.limits()) for one in self._hinges),
         )
 
     def _combined(self, a: int, b: int) -> tuple[float, float]:
@@ -227,4 +239,4 @@ class World:
 
     def close(self) -> None:
         """Drop every reference into Rapier, which releases its memory."""
-        del self._bodies, self._world
+        del self._bodies, self._hinges, self._world

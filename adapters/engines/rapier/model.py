@@ -44,6 +44,8 @@ RULES: tuple[Rule, ...] = (
 LINEAR, ANGULAR = ("LIN_X", "LIN_Y", "LIN_Z"), ("ANG_X", "ANG_Y", "ANG_Z")
 """Axes of a joint, as Rapier calls them."""
 UNTURNED = (1.0, 0.0, 0.0, 0.0)
+Y_TO_Z = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
+"""Turns the y axis, along which Rapier's cylinders and cones lie, to the z axis, along which ours do."""
 FRICTION_MODELS = (rapier3d.FrictionModel.SIMPLIFIED, rapier3d.FrictionModel.COULOMB)
 SPRINGS = {
     "contact_softness": ("contact_frequency", "contact_damping_ratio"),
@@ -52,7 +54,7 @@ SPRINGS = {
 """Springs of contacts, and the settings of their frequency and damping ratio."""
 OF_BODIES = ("ccd_enabled", "allow_fast_rotation", "gyroscopic_forces")
 """Settings of each body; all others, without those of SPRINGS, are of the world."""
-OF_WORLD = tuple(set(SETTINGS) - {"friction_model", *OF_BODIES, *sum(SPRINGS.values(), ())})
+OF_WORLD = tuple(set(SETTINGS) - {"friction_model", "num_threads", *OF_BODIES, *sum(SPRINGS.values(), ())})
 
 
 def rule_of(kind: str, scenario: Scenario, wanted: Pairs) -> tuple[Rule, list[float]]:
@@ -70,10 +72,10 @@ def rule_of(kind: str, scenario: Scenario, wanted: Pairs) -> tuple[Rule, list[fl
 
 
 def world_of(settings: Settings, gravity: tuple[float, ...]) -> Any:
-    """An empty world on one thread, with the settings of a profile and its changes."""
+    """An empty world with the settings of a profile and its changes."""
     world = rapier3d.PhysicsWorld(gravity=gravity)
-    world.set_num_threads(1)
     values = SETTINGS.in_force(settings.profile, settings.changes)
+    world.set_num_threads(values["num_threads"])
     parameters = world.integration_parameters
     parameters.dt = settings.dt
     parameters.friction_model = FRICTION_MODELS[values["friction_model"]]
@@ -86,9 +88,14 @@ def world_of(settings: Settings, gravity: tuple[float, ...]) -> Any:
 
 
 def add_bodies(
-    world: Any, scenario: Scenario, settings: Settings, posed: Mapping[int, Posed]
+    world: Any,
+    scenario: Scenario,
+    settings: Settings,
+    posed: Mapping[int, Posed],
+    groups: Mapping[int, Any],
 ) -> tuple[list[Any], tuple[Rule, Rule]]:
-    """Add all bodies, those of `posed` as kinematic ones at the start of their motion.
+    """Add all bodies, those of `posed` as kinematic ones at the start of their motion, those of `groups` in
+    these collision groups.
 
     Returns their handles, and the combine rules of friction and restitution.
     """
@@ -108,8 +115,9 @@ def add_bodies(
             .friction_combine_rule(friction[0])
             .restitution(e[k])
             .restitution_combine_rule(restitution[0])
-            .position(pose(piece.position, piece.orientation))
+            .position(_place(piece))
             .user_data(k)
+            .collision_groups(groups.get(k) or rapier3d.InteractionGroups.all())
             for piece in body.pieces
         ]
         handles.append(world.add_body(builder.position(pose(place, turn)), colliders=parts))
@@ -194,6 +202,12 @@ def mass_facts(body: Any) -> BodyFacts:
     return BodyFacts(given.mass, given.local_com.to_tuple(), tuple(map(tuple, inertia.tolist())))
 
 
+def _place(piece: Piece) -> Any:
+    """Pose of a piece's collider in its body."""
+    own = pose(piece.position, piece.orientation)
+    return own * pose(ORIGIN, Y_TO_Z) if isinstance(piece.shape, shapes.Cylinder | shapes.Cone) else own
+
+
 def _collider(piece: Piece) -> Any:
     make = rapier3d.Collider
     match piece.shape:
@@ -205,6 +219,16 @@ def _collider(piece: Piece) -> Any:
             return make.capsule_z(half_length, radius)
         case shapes.Hull(vertices):
             return make.convex_hull(np.array(vertices, dtype=np.float32))
+        case shapes.Cylinder(radius, half_length):
+            return make.cylinder(half_length, radius)
+        case shapes.Cone(radius, half_length):
+            return make.cone(half_length, radius)
+        case shapes.RoundedBox(half, radius):
+            return make.round_cuboid(*half, radius)
+        case shapes.RoundedHull(vertices, radius):
+            return make.round_convex_hull(np.array(vertices, dtype=np.float32), radius)
+        case shapes.HalfSpace():
+            return make.halfspace((0.0, 0.0, 1.0))
     raise Unsupported(f"rapier: no shape {type(piece.shape).__name__}")
 
 

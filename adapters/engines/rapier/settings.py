@@ -72,6 +72,7 @@ SETTINGS = Table(
             "gap from which on contacts are solved",
             whole=False,
         ),
+        Range("num_threads", 1, 64, "", _all("1"), "of the world"),
         Range("max_ccd_substeps", 0, 1000, "", _all("1"), "of continuous detection; 0: none"),
         Choice("ccd_enabled", _SWITCH, _all("no"), "continuous detection between moving bodies, too"),
         Choice(

@@ -75,18 +75,65 @@ function follow() {
   if (link.has("play")) show(link.get("play"), Number(link.get("frame") ?? 0));
 }
 
+// Columns of a matrix by ticking: each engine has one in every group.
+function columns(table) {
+  const [groups, heads] = table.tHead.rows, count = groups.cells[1].colSpan;
+  if (count < 2) return;
+  const choice = document.createElement("fieldset"), boxes = [];
+  choice.append(Object.assign(document.createElement("legend"), { textContent: "Engines" }));
+  for (const head of [...heads.cells].slice(1, count + 1)) {
+    const label = document.createElement("label"), box = document.createElement("input");
+    Object.assign(box, { type: "checkbox", checked: true });
+    label.append(box, ` ${head.textContent} ${head.title}`);
+    choice.append(label);
+    boxes.push(box);
+  }
+  choice.addEventListener("change", (event) => {
+    if (!boxes.some((box) => box.checked)) event.target.checked = true;
+    for (const row of [heads, ...table.tBodies[0].rows])
+      [...row.cells].slice(1).forEach((cell, k) => (cell.hidden = !boxes[k % count].checked));
+    for (const group of [...groups.cells].slice(1)) group.colSpan = boxes.filter((box) => box.checked).length;
+  });
+  table.closest("section")?.querySelector(".bar")?.append(choice);
+}
+
+// Scenes by the figures of a column, the largest first, and back: a head is a button. "16/18" counts as 2.
+function sorts(table) {
+  const body = table.tBodies[0], first = [...body.rows];
+  const figure = (row, k) => {
+    const text = row.cells[k].querySelector(".value")?.textContent ?? "";
+    const [met, of] = text.split("/").map(Number);
+    const found = of === undefined ? parseFloat(text.replace("<", "")) : of - met;
+    return Number.isNaN(found) ? -Infinity : found;
+  };
+  [...table.tHead.rows[1].cells].forEach((head, k) => {
+    if (!k) return;
+    Object.assign(head, { tabIndex: 0, title: `${head.title}; sorts scenes` });
+    const sort = () => {
+      const back = head.ariaSort === "descending";
+      table.querySelectorAll("[aria-sort]").forEach((other) => other.removeAttribute("aria-sort"));
+      if (!back) head.ariaSort = "descending";
+      body.append(...(back ? first : [...first].sort((a, b) => figure(b, k) - figure(a, k) || 0)));
+    };
+    head.addEventListener("click", sort);
+    head.addEventListener("keydown", (event) => event.key === "Enter" && sort());
+  });
+}
+
 function matrix(table) {
-  const cells = [...table.querySelectorAll("tbody button")];
-  cells.forEach((cell, k) => (cell.tabIndex = k ? -1 : 0));
+  columns(table);
+  sorts(table);
+  table.querySelectorAll("tbody button").forEach((cell, k) => (cell.tabIndex = k ? -1 : 0));
   table.addEventListener("click", (event) => {
     const cell = event.target.closest("button[data-cell]");
     if (cell) open(cell.dataset.cell);
   });
   table.addEventListener("keydown", (event) => {
+    const cells = [...table.querySelectorAll("tbody td:not([hidden]) button")];
     const at = cells.indexOf(document.activeElement);
     const row = document.activeElement.closest("tr");
     if (at < 0 || !row) return;
-    const wide = row.querySelectorAll("button").length;
+    const wide = row.querySelectorAll("td:not([hidden]) button").length;
     const to = { ArrowRight: at + 1, ArrowLeft: at - 1, ArrowDown: at + wide, ArrowUp: at - wide }[event.key];
     if (to === undefined) return;
     event.preventDefault();

@@ -1,8 +1,11 @@
 """`touchstone env` and `--install`: one line for each environment, in words that say what to do."""
 
+from pathlib import Path
+
 import pytest
 
 from touchstone.adapters import registry
+from touchstone.adapters.engines.entry import ENGINES
 from touchstone.reports.cli import doctor
 
 
@@ -40,6 +43,41 @@ def test_a_run_adds_what_it_needs_if_asked(touchstone, owned):
     assert err.splitlines()[0] == "owned: installing 2 packages"
     assert code in (0, 1)  # of first order: it may miss a limit
     assert owned.fault() == ""
+
+
+FAULTS = {
+    "changed": ("mdurl.parse_all(0)", "AttributeError: module 'mdurl' has no attribute 'parse_all'"),
+    "dies": ("os.kill(os.getpid(), signal.SIGSEGV)", "died during 'warm up': signal SIGSEGV"),
+    "nan": ("self.position[:, 2] *= np.float32('nan')", "diverged: the position of 'ball' is not finite"),
+    "broken": (
+        "",
+        "its environment is broken: owned_physics: owned_physics/adapter.py is missing",
+    ),
+}
+"""What goes wrong in an environment -> what a step then does, and what is said of it."""
+
+
+@pytest.mark.slow
+@pytest.mark.spawned
+def test_what_fails_in_an_environment_is_one_line(touchstone, owned, monkeypatch):
+    """A version without what the adapter uses, a crash of native code, a state that is not finite, and an
+    environment with a file less end one column each; the other engine finishes."""
+    for name, (line, _) in FAULTS.items():
+        monkeypatch.setitem(ENGINES, name, ENGINES["owned"])
+        own = registry.own_environment(name)
+        own.add()
+        adapter = own.folder / "owned_physics" / "adapter.py"
+        text = adapter.read_text().replace("def step(self):", f"def step(self):\n        {line}")
+        adapter.write_text(f"import os, signal\nimport numpy as np\n{text}")
+        if not line:
+            adapter.unlink()
+    engines = " ".join(f"--engine {name}" for name in (*FAULTS, "mujoco"))
+    code, _, err = touchstone(f"run fall {engines} --quiet --out played")
+    lines = err.splitlines()
+    assert (code, len(lines)) == (5, len(FAULTS))
+    for name, (_, said) in FAULTS.items():
+        assert sum(f" {name}" in line and said in line for line in lines) == 1
+    assert (Path("played") / "results.csv").exists()
 
 
 @pytest.mark.parametrize("command", ["add", "remove"])

@@ -151,6 +151,38 @@ def test_the_matrix_scrolls_under_its_first_column(opened):
     assert opened.evaluate(left) == before
 
 
+def test_columns_are_ticked_and_scenes_sorted(opened):
+    """An engine that is not ticked has no column in any group, the last one stays; a head sorts the scenes by
+    its figures, the largest first, and back."""
+    boxes = opened.locator(".bar fieldset [type=checkbox]")
+    heads = "document.querySelectorAll('.matrix thead tr:last-child th:not([hidden])')"
+    shown = f"[...{heads}].map(c => c.textContent)"
+    before = opened.evaluate(shown)
+    groups = opened.locator(".matrix thead th[scope=colgroup]").count()
+    assert len(before) == groups * boxes.count() > groups
+    boxes.first.click()
+    assert opened.evaluate(shown) == [name for name in before if name != before[0]]
+    hidden = "document.querySelectorAll('.matrix tbody tr:first-child td[hidden]').length"
+    assert opened.evaluate(hidden) == groups
+    for k in range(1, boxes.count()):
+        boxes.nth(k).click()
+    assert len(opened.evaluate(shown)) == groups
+    for k in range(boxes.count()):
+        boxes.nth(k).set_checked(True)
+    assert opened.evaluate(shown) == before
+    names = "[...document.querySelectorAll('.matrix tbody th')].map(c => c.textContent)"
+    order = opened.evaluate(names)
+    place = 2 * boxes.count() - 1
+    rows = "document.querySelectorAll('.matrix tbody tr')"
+    figures = f"[...{rows}].map(r => parseFloat(r.cells[{place}].textContent))"
+    opened.locator(".matrix thead tr:last-child th").nth(place - 1).click()
+    found = [value for value in opened.evaluate(figures) if value is not None and value == value]
+    assert found == sorted(found, reverse=True)
+    opened.locator(".matrix thead tr:last-child th").nth(place - 1).click()
+    assert opened.evaluate(names) == order
+    assert opened.said == []
+
+
 SCENE, SECONDS = "volley", 3
 REFRESH = 60.0
 """Frames a second of a screen, at which headless Chromium also asks for frames."""
