@@ -135,7 +135,11 @@ def _set_impulses(solver):
     for k in range(solver["moment_count"]):
         solver["moments"][k]["impulse"][:] = 0.0
     for c in range(solver["cone_count"]):
-        _set_across(solver, solver["cones"][c])
+        cone = solver["cones"][c]
+        if cone["moment"] >= 0:
+            p, q = solver["moments"][cone["moment"]]["impulse"], cone["load"]
+            x, y, z = along_axes(cone, 0.0, q[1], q[2])
+            p[0], p[1], p[2] = p[0] + x, p[1] + y, p[2] + z
     for k in range(solver["row_count"]):
         row = solver["rows"][k]
         cone = solver["cones"][row["first_cone"]]
@@ -144,15 +148,6 @@ def _set_impulses(solver):
         into_cone(row)
     into_bounds(solver)
     rebuild(solver)
-
-
-@inlined_kernel
-def _set_across(solver, cone):
-    """Add the impulse of a cone to that of its moment."""
-    if cone["moment"] >= 0:
-        p, q = solver["moments"][cone["moment"]]["impulse"], cone["load"]
-        x, y, z = along_axes(cone, 0.0, q[1], q[2])
-        p[0], p[1], p[2] = p[0] + x, p[1] + y, p[2] + z
 
 
 @kernel
@@ -261,13 +256,8 @@ def _subtract_shared(solver, row):
     end = first + row["cone_count"]
     for c in range(first, end):
         cone = solver["cones"][c]
-        lean, slope, gap, aim, (x, y, z) = (
-            cone["lean"],
-            cone["slope"],
-            cone["gap"],
-            cone["aim"],
-            _drift(solver, cone),
-        )
+        lean, slope, gap, aim = cone["lean"], cone["slope"], cone["gap"], cone["aim"]
+        x, y, z = _drift(solver, cone)
         x, y, z = unscale(cone, x, y, z)
         aim[0], aim[1], aim[2] = cone["centred"][0] + x, cone["centred"][1] + y, cone["centred"][2] + z
         total += aim[0] / stiffness(cone) + gap[0]

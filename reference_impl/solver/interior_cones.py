@@ -163,21 +163,13 @@ def set_kernels(solver, softness):
         first, total = row["first_cone"], 0.0
         for c in range(first, first + row["cone_count"]):
             cone = solver["cones"][c]
-            w, side, u, lean, square = (
-                cone["scaling"],
-                cone["side"],
-                cone["kernel"],
-                cone["lean"],
-                cone["stretch"] * cone["stretch"],
-            )
-            size = sqrt(w[1] * w[1] + w[2] * w[2])
+            w, side, u, lean = cone["scaling"], cone["side"], cone["kernel"], cone["lean"]
+            size, square = sqrt(w[1] * w[1] + w[2] * w[2]), cone["stretch"] * cone["stretch"]
             side[0], side[1] = (w[1] / size, w[2] / size) if size > 0 else (1.0, 0.0)
+            # W over its stretch has determinant 1
             most = (w[0] + size) * (w[0] + size)
-            u[0], u[1], u[2] = (
-                1 / (square * most + softness),
-                1 / (square / most + softness),
-                1 / (square + softness),
-            )
+            u[0], u[1] = 1 / (square * most + softness), 1 / (square / most + softness)
+            u[2] = 1 / (square + softness)
             if row["cone_count"] > 1:
                 part = (u[0] - u[1]) / (u[0] + u[1])
                 lean[0], lean[1] = part * side[0], part * side[1]
