@@ -29,6 +29,7 @@ from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
 from touchstone.reference_impl.continuous.contact_motion import (
     bias_share,
+    correct_faces,
     curved_share,
     is_curved,
     move_surfaces,
@@ -181,6 +182,8 @@ def _correct_ends(world, count, h):
         followed = moved <= (LARGEST_ERROR if state["curved"] == 1 else 0.0)
         if (error <= END_ERROR and followed) or last:
             break
+        if k == 0 and state["led_loop"] == 1:
+            correct_faces(bodies, world.pieces, pairs, count, h, state)
         _correct_velocities(world, count, h)
         _solve_positions(world, count, h, True)
         if state["counters"][COUNT_UNCONVERGED] > unconverged:

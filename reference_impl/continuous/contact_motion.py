@@ -20,7 +20,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
     is_moving,
     velocity_at,
 )
-from touchstone.reference_impl.core.conventions import NEVER, OVERLAP_TOLERANCE, SIMULATED, SPHERE
+from touchstone.reference_impl.core.conventions import NEVER, NO_FLOOR, OVERLAP_TOLERANCE, SIMULATED, SPHERE
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
@@ -61,6 +61,41 @@ def bias_share(bodies, pieces, pairs, count, h, state):
     share = (BIAS_SHARE * BIAS_DEPTH / error) ** (1 / 3) if error > BIAS_DEPTH else NEVER
     limit = state["contact_turn"]
     return min(share, curved_share(BIAS_SHARE * limit / most, h, state)) if most > limit else share
+
+
+@kernel
+def correct_faces(bodies, pieces, pairs, count, h, state):
+    """Move the rows of `pairs[:count]` that are not curved, in islands that obey the law of positions, to the
+    middle of the way over a substep of length h [s], with the `bias` of the velocities after it."""
+    for on_paths in range(2):
+        for k in range(count):
+            pair = pairs[k]
+            led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
+            if pair["curved"] == 0 and led and pair["floor"] != NO_FLOOR:
+                a, b, n, bias = state["velocity_a"], state["velocity_b"], state["impulse"], state["velocity"]
+                _predict(bodies, pieces, pair, h / 2, a, b, n, bias)
+                if on_paths == 0:
+                    copy_vector(bias, pair["bias"])
+                    continue
+                size = 0.0
+                for i in range(3):
+                    pair["lever_a"][i] = (pair["lever_a"][i] + a[i]) / 2
+                    pair["lever_b"][i] = (pair["lever_b"][i] + b[i]) / 2
+                    n[i] = (pair["normal"][i] + n[i]) / 2
+                    size += n[i] * n[i]
+                for i in range(3):
+                    pair["normal"][i] = n[i] / sqrt(size)
+        exchange_paths(bodies)
+
+
+@kernel
+def exchange_paths(bodies):
+    """Exchange the velocities of bodies with those whose mean with the ones before covers their way."""
+    for b in range(len(bodies)):
+        for i in range(3):
+            v, w = bodies[b]["path_velocity"], bodies[b]["path_omega"]
+            bodies[b]["velocity"][i], v[i] = v[i], bodies[b]["velocity"][i]
+            bodies[b]["omega"][i], w[i] = w[i], bodies[b]["omega"][i]
 
 
 @inlined_kernel
