@@ -40,8 +40,9 @@ from touchstone.reference_impl.solver.mobility import point_velocity
 
 END_ERROR = GAP_LEFT / 10
 """Error of a gap at the end of a substep that is not corrected [m]."""
-RETURN_SHARE = 1e-3
-"""Share of a frame over which an overlap is taken back [1]: 1e-6 m at 0.06 m/s."""
+RETURN_SHARE = 0.5
+"""Share of a frame over which an overlap is taken back [1]: the force that does so does work, and in a moment
+that of a stiff driver would shake its load."""
 
 
 @kernel
@@ -216,8 +217,7 @@ def _correct(a, b, pair, found, h, dt, last):
 
 @kernel
 def gap_aimed(pair, h, dt):
-    """Gap of a contact at the end of a substep of length h [m]: no overlap, unless the substep is so short
-    that it would ask for any speed."""
+    """Gap of a contact at the end of a substep of length h [m]: what is left of its overlap."""
     left = max(0.0, 1 - h / (RETURN_SHARE * dt))
     return GAP_LEFT - left * max(0.0, GAP_LEFT - max(pair["distance"], -SINKING_DEPTH))
 

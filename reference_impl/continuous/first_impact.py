@@ -23,9 +23,6 @@ CLOSING_SHARE = 1e-3
 nearly the same time."""
 IMPACT_STEPS = 90
 """Bracketing steps for the time of an impact; about 6 are usual."""
-SECANT_STEPS = 60
-"""Those of them before bisection, by secants: where a nearly constant distance begins to fall steeply, as
-when the other end of a tilting box lands, a secant shortens the bracket by a ten-thousandth."""
 LANDING_DEPTH, DENSE_LANDING = 1e-7, 4e-7
 """Sinking of a touching pair at which another of its points has landed [m]: a tenth of OVERLAP_TOLERANCE; and
 in dense substeps: there, leaning bodies sink by 3e-7 m without landing."""
@@ -180,9 +177,13 @@ def _swept(moving, until, target, slack):
 
 @kernel
 def _closing(moving, late, target, slack):
-    """Fraction at which a pair's distance is `target` within `slack`, by the Illinois method (a bracketed
-    secant), and by bisection after SECANT_STEPS; `late` if the distance is not below `target` there. The last
-    fraction found above the target, counted, if IMPACT_STEPS did not suffice.
+    """Fraction at which a pair's distance is `target` within `slack`; `late` if the distance is not below
+    `target` there. The last fraction found above the target, counted, if IMPACT_STEPS did not suffice.
+
+    By the Illinois method (a bracketed secant). Where a nearly constant distance begins to fall steeply, as
+    when the other end of a tilting box lands, such secants shorten the bracket by a ten-thousandth: after two
+    on one side, the secant through the last two points below the target leads back to where it fell, or else
+    the bracket is halved.
 
     Within the slack, up to CLOSING_EXTRA steps go on to a thousandth of it, and a last secant step follows
     without a test. Otherwise, rounding that changes the number of steps would change the result by the slack.
@@ -193,11 +194,16 @@ def _closing(moving, late, target, slack):
     early, gap_early = 0.0, distance_at(moving, 0.0) - target
     if gap_early <= 0:
         return 0.0
-    side, extra, last, gap_last = 0, 0, late, gap_late
-    for step in range(IMPACT_STEPS):
+    side, repeats, extra, last, gap_last = 0, 0, 0, late, gap_late
+    below, beyond, gap_below, gap_beyond, steep = late, late, gap_late, gap_late, False
+    for _ in range(IMPACT_STEPS):
         s = (early * gap_late - late * gap_early) / (gap_late - gap_early)
-        if step >= SECANT_STEPS:
-            s = (early + late) / 2
+        if steep or repeats > 1:
+            s, steep = (early + late) / 2, False
+            if gap_beyond < gap_below:
+                back = below - gap_below * (beyond - below) / (gap_beyond - gap_below)
+                if early < back < late:
+                    s, steep = back, True
         gap = distance_at(moving, s) - target
         if abs(gap) <= slack:
             extra += 1
@@ -207,12 +213,14 @@ def _closing(moving, late, target, slack):
                 polished = s - gap * (s - last) / (gap - gap_last) if falls else s
                 return min(late, max(early, polished))
         last, gap_last = s, gap
+        repeats = repeats + 1 if side == (1 if gap > 0 else -1) else 0
         if gap > 0:
-            early, gap_early = s, gap
+            early, gap_early, steep = s, gap, False
             if side == 1:
                 gap_late /= 2
             side = 1
         else:
+            beyond, below, gap_beyond, gap_below = below, s, gap_below, gap
             late, gap_late = s, gap
             if side == -1:
                 gap_early /= 2

@@ -157,7 +157,6 @@ QUOTED = [
     ),
     ("decisions.md", "kernels of more than {} lines of LLVM", "core.kernel_linking.LINES_COPIED"),
     ("decisions.md", "From {} rows on the interior", "solver.contact_solver.INTERIOR_ROWS"),
-    ("decisions.md", "bisection follows {} secant", "continuous.first_impact.SECANT_STEPS"),
     ("decisions.md", "or {} events a few dense substeps", "contact.speculative_contacts.DENSE_EVENTS"),
     ("decisions.md", "over-relaxation of {:g} for", "contact.separation.OVER_RELAXATION"),
 ]
