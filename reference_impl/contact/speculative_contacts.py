@@ -156,14 +156,14 @@ def _gather_speculative(world, left):
     Returns:
         (end, h) of `gather_contacts`.
     """
-    bodies, pieces, vertices = world.bodies, world.pieces, world.vertices
+    bodies, drivers, pieces, vertices = world.bodies, world.drivers, world.pieces, world.vertices
     pairs, state = world.pairs, world.state
     since = clock(state["clock"])
     g, v_rest = state["gravity"], rest_speed(state)
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
             _coast(bodies[b], g, 1.0, left)
-        elif loops(bodies, world.drivers, b):
+        elif loops(bodies, drivers, b):
             _coast(bodies[b], g, 0.0, left)
     found = find_swept_pairs(world, SIMULATED, 0)
     # limit the substep so that no impact with restitution happens much too early
@@ -174,7 +174,10 @@ def _gather_speculative(world, left):
         _measure(bodies, pieces, vertices, pair, state)
         if pair["distance"] < pair["key"] * left:
             fastest = max(fastest, pair["key"])
-        if pair["distance"] < max(TOUCH_DISTANCE, pair["key"] * left):
+        # a coupling may bring its driver back, against its velocity
+        driven = loops(bodies, drivers, pair["body_a"]) or loops(bodies, drivers, pair["body_b"])
+        near = SPECULATIVE_SLACK * v_rest * left if driven else TOUCH_DISTANCE
+        if pair["distance"] < max(TOUCH_DISTANCE, near, pair["key"] * left):
             a, b = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
             flat = is_polyhedral(a, b)
             rate = max(rate, _sinking_rate(bodies[pair["body_a"]], a, vertices, flat))
