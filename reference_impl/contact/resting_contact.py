@@ -569,7 +569,7 @@ def _solve_positions(world, count, h, again):
             else:
                 copy_vector(pairs[k]["resting_impulse"], pairs[k]["spare"])
                 copy_vector(pairs[k]["moment"], pairs[k]["spare_moment"])
-            _ask_positions(bodies, drivers, pairs[k], h, state["dt"])
+            _ask_positions(bodies, drivers, pairs[k], h, state)
         state["lead"] = 1.0
         solve_contacts(bodies, joints, drivers, pairs, count, True, state)
         state["lead"] = 0.0
@@ -630,7 +630,7 @@ def _exchange_impulses(pair):
 
 
 @kernel
-def _ask_positions(bodies, drivers, pair, h, dt):
+def _ask_positions(bodies, drivers, pair, h, state):
     """Set the floor of a row in the law of positions: twice the speed at which its gap may close to
     `gap_aimed`."""
     pair["held_floor"] = pair["floor"]
@@ -641,7 +641,7 @@ def _ask_positions(bodies, drivers, pair, h, dt):
         a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
         for i in range(3):
             gap += n[i] * (b["curve"][i] - a["curve"][i])
-        gap -= gap_aimed(pair, h, dt)
+        gap -= gap_aimed(pair, h, state)
         if is_joined(bodies, drivers, pair["body_a"]) or is_joined(bodies, drivers, pair["body_b"]):
             gap -= min(max(gap, -GAP_ERROR), GAP_ERROR)
         pair["floor"] = -2 * gap / h
