@@ -216,7 +216,7 @@ def _correct(a, b, pair, found, h, state, last):
 @kernel
 def gap_aimed(pair, h, state):
     """Gap of a contact at the end of a substep of length h [m]: what is left of its overlap. With drivers in
-    the loop it is taken back over a frame: their forces do work along it, and in a moment would shake a load."""
+    the loop it is taken back over a frame: their forces do work along it, and at once would shake a load."""
     share = 1.0 if state["led_loop"] == 1 else RETURN_SHARE
     left = max(0.0, 1 - h / (share * state["dt"]))
     return GAP_LEFT - left * max(0.0, GAP_LEFT - max(pair["distance"], -SINKING_DEPTH))

@@ -121,7 +121,7 @@ SOLVED = {
         1300027,  # faces that tilt acted where the velocities of the start led them: 1.4 % more work
         1500066,  # overlaps of 1e-7 m were taken back in microseconds, against 500 N: 4 % more work
     ),
-    # a dense substep took half a frame, in which a capsule that a light sweeper pressed turned by a radian: 33 J
+    # in a dense substep of half a frame, a capsule that a light sweeper pressed gained 33 J
     ("balanced", "sweep"): (1500107,),
     ("balanced", "mechanism"): (
         7770011,  # a trial of a stiff damper drove a chain to 1,000 rad/s, and the positions were not finite
