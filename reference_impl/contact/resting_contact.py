@@ -31,6 +31,7 @@ from touchstone.reference_impl.continuous.contact_motion import (
     bias_share,
     correct_faces,
     curved_share,
+    exchange_paths,
     is_curved,
     move_surfaces,
     move_to_middle,
@@ -578,11 +579,7 @@ def _solve_positions(world, count, h, again):
             pairs[k]["floor"] = pairs[k]["held_floor"]
         # of all rows again: the islands of the law of positions are without the others
         join_islands(bodies, drivers, pairs, count, False)
-        for b in range(len(bodies)):
-            for i in range(3):
-                v, w = bodies[b]["path_velocity"], bodies[b]["path_omega"]
-                bodies[b]["velocity"][i], v[i] = v[i], bodies[b]["velocity"][i]
-                bodies[b]["omega"][i], w[i] = w[i], bodies[b]["omega"][i]
+        exchange_paths(bodies)
         for d in range(len(drivers)):
             if drivers[d]["loops"] == 1:
                 exchange_pushes(joints, drivers[d])
