@@ -44,7 +44,7 @@ COMPILED = ("newton", "mujoco_warp")
 """Engines that compile their kernels."""
 NO_HINGES = "the adapter has no hinges of driven bodies; choose --drive posed"
 FINDINGS = Path(__file__).parents[2] / "docs" / "findings"
-PROGRAMS = {"rapier": 3, "physx": 3, "newton": 4, "mujoco_warp": 1}
+PROGRAMS = {"rapier": 3, "physx": 3, "newton": 4, "mujoco_warp": 2}
 """Programs in the findings of each engine, at least."""
 COST = 1.1
 """Largest time of an adapter's step over that of a plain one [1]."""
@@ -102,14 +102,19 @@ def test_the_adapter_conforms(name, profile):
     assert [(report.check, report.faults) for report in check(name, profile) if report.faults] == []
 
 
-@pytest.mark.parametrize("name", [needed("mujoco_warp", slow=True)])
-def test_the_adapter_of_mujoco_warp_has_the_faults_of_mujoco(name):
+@pytest.mark.parametrize(
+    ("name", "profile", "faults"),
+    [
+        needed("mujoco_warp", "recommended", "coefficients", slow=True),
+        *(needed("mujoco_warp", profile, "", slow=True) for profile in ("equal-step", "default", "accurate")),
+    ],
+)
+def test_the_adapter_of_mujoco_warp_has_the_faults_of_mujoco(name, profile, faults):
     """Checks of conformance find what they find on MuJoCo, whose cubes hop, and nothing else."""
     found, expected = (
-        {report.check for report in check(engine, "recommended") if report.faults}
-        for engine in (name, "mujoco")
+        [report.check for report in check(engine, profile) if report.faults] for engine in (name, "mujoco")
     )
-    assert found == expected == {"coefficients"}
+    assert found == expected == faults.split()
 
 
 @pytest.mark.parametrize(
