@@ -43,7 +43,7 @@ PROFILES = {
 COMPILED = ("newton", "mujoco_warp")
 """Engines that compile their kernels."""
 FINDINGS = Path(__file__).parents[2] / "docs" / "findings"
-PROGRAMS = {"rapier": 3, "physx": 3, "newton": 4, "mujoco_warp": 2}
+PROGRAMS = {"rapier": 3, "physx": 3, "newton": 5, "mujoco_warp": 2}
 """Programs in the findings of each engine, at least."""
 COST = 1.1
 """Largest time of an adapter's step over that of a plain one [1]."""
