@@ -13,12 +13,12 @@ class Asked(NamedTuple):
 
     scene: str
     drive: str = DRIVES[0]
-    sleeping: bool = False
+    effects: tuple[str, ...] | None = None
 
     def settings(self, name: str) -> Settings:
         """Of an engine's first profile."""
         profile, dt = next(iter(profiles_of(name).items()))
-        return Settings(profile, dt, drive=self.drive, sleeping=self.sleeping)
+        return Settings(profile, dt, effects=self.effects, drive=self.drive)
 
 
 ABILITIES = {
@@ -36,6 +36,6 @@ ABILITIES = {
     "static friction": Asked("slope_of_blocks"),
     "rolling friction": Asked("slope_of_balls"),
     "torsional friction": Asked("spins_to_rest"),
-    "sleeping": Asked("stack", sleeping=True),
+    "sleeping": Asked("stack", effects=("gravity", "rotation", "friction", "contact", "sleeping")),
 }
 """Abilities beyond spheres, boxes and Coulomb's law, which all engines have."""

@@ -16,12 +16,12 @@ import sysconfig
 import venv
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError
+from importlib.metadata import PackageNotFoundError, distributions
 from importlib.metadata import version as version_of
 from pathlib import Path
 
 from touchstone.adapters.contract import AdapterError, Engine, NotInstalled
-from touchstone.adapters.registry import ENGINES, distribution, load
+from touchstone.adapters.registry import ENGINES, distribution, load, own_environment, packages_of
 from touchstone.adapters.workers.pip_calls import cache_folder, pip_fault
 from touchstone.adapters.workers.scratch import Claimed, claimed_folder
 
@@ -35,7 +35,7 @@ class VersionError(Exception):
 
 
 def environment(engine: str, version: str) -> Path | None:
-    """Folder on the path that holds a version of an engine; None for the one that is installed.
+    """Folder on the path that holds a version of an engine; None for one installed with this program.
 
     Raises:
         VersionError: there is no such version, or it cannot be installed here.
@@ -44,7 +44,7 @@ def environment(engine: str, version: str) -> Path | None:
     if not VERSION.fullmatch(version):
         raise VersionError(f"{name} {version}: not a version; expected numbers such as 3.6.0")
     if version == installed_version(engine):
-        return None
+        return packages_of(engine)
     shared = {library: version_of(library) for library in SHARED}
     digest = hashlib.sha256(repr((sys.version, sorted(shared.items()), _own_paths())).encode()).hexdigest()
     place = cache_folder("engines") / f"{name}-{version}-{digest[:8]}"
@@ -62,7 +62,11 @@ def environment(engine: str, version: str) -> Path | None:
 
 
 def installed_version(engine: str) -> str:
-    """Version of an engine in the environment of this program; empty if it is not installed."""
+    """Version of an engine in its own environment, or in that of this program; empty if it is in neither."""
+    if own_environment(engine) is not None:
+        folder = packages_of(engine)
+        found = distributions(name=distribution(engine), path=[str(folder)]) if folder else ()
+        return next((one.version for one in found), "")
     try:
         return version_of(distribution(engine))
     except PackageNotFoundError:

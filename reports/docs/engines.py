@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,8 +14,10 @@ from touchstone.reports.runner.request import step_text
 from touchstone.reports.verdict.failings import causes, known
 from touchstone.scenarios.catalogue import tagged
 
-MOST = 3
-"""Number of causes of failings that are shown."""
+MOST, FEWEST = 3, 3
+"""Number of causes of failings that are shown, and of probes of a tag that is."""
+DAY = "2026-11-28"
+"""Day of the versions, and of the known failings of engines in environments of their own."""
 PROBED = (*DEFAULT_ENGINES, "newton", "physx", "rapier")
 """Engines whose known failings are those of all probes."""
 CONSTRAINTS = Path("constraints.txt")
@@ -57,12 +60,13 @@ def engines_page(checkout: Path) -> str:
         "## What each can represent",
         table_text(abilities),
         "## Profiles",
-        "Versions are those that `make` installs, or that an engine's own environment pins.",
+        f"Versions are those that `make` installs, or that an engine's own environment pins, on {DAY}.",
         table_text(profiles),
         "## Where each fails",
-        f"Known failings of the first profile in the probes, and the {MOST} causes that show in the most of "
-        "them; `reports/verdict/causes.toml` has each with its mechanism. Where none is known, a probe meets "
-        "all its limits, or is refused. Only these engines have been judged on all probes.",
+        "Known failings of the first profile in the probes, the tags of scenes (CONTRIBUTING.md) in which it "
+        f"does best and worst, and the {MOST} causes that show in the most probes; "
+        "`reports/verdict/causes.toml` has each with its mechanism. Where none is known, a probe meets all "
+        "its limits, or is refused. Only these engines have been judged on all probes.",
         table_text([row for name in PROBED for row in _failing_rows(name, entries[name])]),
     ]
     return "\n\n".join(parts) + "\n"
@@ -87,17 +91,23 @@ def _changed(name: str, entry: Entry) -> Iterator[str]:
 
 
 def _failing_rows(name: str, entry: Entry) -> Iterator[dict[str, object]]:
-    probes = {scene.name for scene in tagged("probe")}
+    probes = {scene.name: set(scene.tags) for scene in tagged("probe")}
     first = next(iter(entry.profiles))
     found: dict[str, set[str]] = {}
     for one in known().values():
         if one.engine == name and one.profile == first and one.scenario in probes:
             found.setdefault(one.cause, set()).add(one.scenario)
     failing = set().union(*found.values()) if found else set()
+    counts = Counter(tag for tags in probes.values() for tag in tags - {"probe"})
+    shares = {tag: sum(tag in probes[one] for one in failing) / n for tag, n in counts.items() if n >= FEWEST}
+    best = min(shares, key=lambda tag: (shares[tag], -counts[tag], tag))
+    worst = max(shares, key=lambda tag: (shares[tag], counts[tag], tag))
     ranked = sorted(found, key=lambda cause: (-len(found[cause]), cause))[:MOST]
     yield {
         "engine": name,
         "probes with a known failing": f"{len(failing)} of {len(probes)}",
+        "least of a tag": f"`{best}`: {round(shares[best] * counts[best])} of {counts[best]}",
+        "most of a tag": f"`{worst}`: {round(shares[worst] * counts[worst])} of {counts[worst]}",
         "causes in the most scenes": "<br>".join(
             f"{len(found[cause])}: {' '.join(causes()[cause].split()).partition(':')[0]}" for cause in ranked
         ),

@@ -116,11 +116,14 @@ def _damping_ratio(solref: Array, dt: float) -> float:
     return -log(decay) / sqrt(log(decay) ** 2 + square)
 
 
-def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, settings: Settings) -> None:
+def add_contacts(
+    spec: Any, bodies: Mapping[int, Any], scenario: Scenario, settings: Settings, masks: bool
+) -> None:
     """Add the contacts of all touching pairs with their coefficients.
 
     Args:
         bodies: the spec's body per index in the scenario; their geoms have masks of zero.
+        masks: whether masks and priorities of geoms may choose what meets, and how.
     """
     check_range("mujoco", "friction", scenario, frictions(scenario), least=FRICTION_MIN)
     if settings.profile not in PULLING:
@@ -133,7 +136,7 @@ def add_contacts(spec: Any, bodies: Mapping[int, Any], scenario: Scenario, setti
         one, two = (scenario.bodies[k].name for k in slippery[0])
         raise Unsupported(f"mujoco: rolling or torsional friction needs mu > 0, found 0 for {one} and {two}")
     has_moments = any(any(lengths.values()) for lengths in moments)
-    if has_moments or "solreffriction" in SETTINGS.in_force(settings.profile, settings.changes):
+    if not masks or has_moments or "solreffriction" in SETTINGS.in_force(settings.profile, settings.changes):
         # Geoms have no solreffriction, and masks choose by restitution and friction.
         add_pairs(spec, scenario, settings, scenario.touching_pairs())
         return

@@ -83,18 +83,19 @@ LOSSES = (int(mujoco.mjtWarning.mjWARN_CONTACTFULL), int(mujoco.mjtWarning.mjWAR
 
 class MujocoEngine:
     """MuJoCo with the integrator and the cone that its documentation recommends; `default` with its defaults;
-    `accurate` with stiffer contacts."""
+    `accurate` with stiffer contacts. `masks`: whether masks and priorities of geoms may choose what meets."""
 
     name: ClassVar[str] = "mujoco"
     profiles: ClassVar[Mapping[str, float]] = ENGINES["mujoco"].profiles
     plays_body_joints: ClassVar[bool] = True
     friction_laws: ClassVar[tuple[str, ...]] = ("rolling_friction", "torsional_friction")
+    masks: ClassVar[bool] = True
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
         """Translate a scenario; raises Unsupported if MuJoCo cannot represent it."""
         require_profile(self.name, settings)
         hear_warnings()
-        spec, bodies, drives = translated(scenario, settings)
+        spec, bodies, drives = translated(scenario, settings, self.masks)
         try:
             model = spec.compile()
         except ValueError as error:
@@ -113,7 +114,9 @@ class MujocoEngine:
         return mujoco.mj_versionString()
 
 
-def translated(scenario: Scenario, settings: Settings) -> tuple[Any, dict[int, Any], list[Drive]]:
+def translated(
+    scenario: Scenario, settings: Settings, masks: bool = True
+) -> tuple[Any, dict[int, Any], list[Drive]]:
     """The spec of a scenario, its bodies by the scenario's index, and the drives of its trackers."""
     spec = mujoco.MjSpec()
     set_options(spec, scenario, settings)
@@ -121,7 +124,7 @@ def translated(scenario: Scenario, settings: Settings) -> tuple[Any, dict[int, A
     driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
     drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
     bodies = add_bodies(spec, scenario, simulated_masses(scenario, drives), settings, posed)
-    add_contacts(spec, bodies, scenario, settings)
+    add_contacts(spec, bodies, scenario, settings, masks)
     if settings.drive == "native":
         for drive, tracker in zip(drives, driven):
             add_servos(spec, tracker.joints, drive)

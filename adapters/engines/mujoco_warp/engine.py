@@ -1,8 +1,9 @@
 """MuJoCo Warp: the model that the adapter of MuJoCo compiles, stepped by Warp's kernels on the CPU in single
 precision. Drives, contacts and manifests are those of that adapter, which reads MuJoCo's data from Warp's.
 
-Room for contacts is not estimated from the start of a scene, as MuJoCo Warp does: what exceeds it is dropped,
-and a run ends then.
+All pairs are explicit: of a direct solref, MuJoCo Warp does not heed the priority of geoms
+(docs/findings/mujoco_warp.md). Room for contacts is not estimated from the start of a scene, as MuJoCo
+Warp does: what exceeds it is dropped, and a run ends then.
 https://mujoco.readthedocs.io/en/stable/mjwarp/index.html
 """
 
@@ -41,6 +42,7 @@ class MujocoWarpEngine(MujocoEngine):
 
     name: ClassVar[str] = "mujoco_warp"
     profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
+    masks: ClassVar[bool] = False
 
     def __init__(self) -> None:
         warp.config.quiet = True

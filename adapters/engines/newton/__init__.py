@@ -14,8 +14,8 @@ ENTRY = Entry(
     compiles="touchstone.adapters.engines.newton:compile_note",
     settings="touchstone.adapters.engines.newton.settings:SETTINGS",
     lacks=(
-        *("hinges of driven bodies", "moving surfaces"),
-        *("joints between bodies", "static friction", "rolling friction", "torsional friction", "sleeping"),
+        *("moving surfaces", "joints between bodies", "sleeping"),
+        *("static friction", "rolling friction", "torsional friction"),
     ),
     pins=(
         "absl-py==2.5.1",

@@ -39,8 +39,17 @@ from touchstone.adapters.contract import (
     State,
     Unsupported,
 )
-from touchstone.adapters.engines.newton import ENTRY, KAMINO, STEEL
-from touchstone.adapters.engines.newton.model import CPU, INELASTIC, OF_MUJOCO, WORLD, model_of, solver_of
+from touchstone.adapters.engines.newton import ENTRY, KAMINO, STEEL, XPBD
+from touchstone.adapters.engines.newton.articulation import HINGE_DRIVES, Articulation
+from touchstone.adapters.engines.newton.model import (
+    CPU,
+    INELASTIC,
+    OF_MUJOCO,
+    WORLD,
+    builder_of,
+    model_of,
+    solver_of,
+)
 from touchstone.adapters.engines.newton.settings import SETTINGS
 from touchstone.adapters.posed_drive import coupled, posed_of
 from touchstone.adapters.registry import require_profile
@@ -73,8 +82,12 @@ class NewtonEngine:
         require_profile(self.name, settings)
         if settings.profile == KAMINO and len(coupled(scenario, settings)) < len(scenario.trackers):
             raise Unsupported("newton: Kamino's PADMM does not move kinematic bodies")
-        if any(scenario.trackers[k].joints for k in coupled(scenario, settings)):
-            raise Unsupported("newton: the adapter has no hinges of driven bodies; choose --drive posed")
+        if settings.profile == KAMINO and any(
+            scenario.trackers[k].joints for k in coupled(scenario, settings)
+        ):
+            raise Unsupported(
+                "newton: Kamino's dense matrix has no room for the contacts that a hand may have"
+            )
         if any(map(surface_moves, scenario.bodies)):
             raise Unsupported("newton: the adapter has no moving surfaces")
         if settings.sleeping:
@@ -103,7 +116,15 @@ class World:
         ]
         masses = simulated_masses(scenario, self._drives)
         self._worlds = int(SETTINGS.in_force(settings.profile, settings.changes)["worlds"])
-        self._model, bodies, owners = model_of(scenario, settings.profile, masses, posed, self._worlds)
+        builder = builder_of(scenario, settings.profile)
+        self._jointed = [
+            Articulation(builder, scenario, scenario.trackers[k], drive, settings.drive)
+            for k, drive in zip(self._coupled, self._drives)
+            if scenario.trackers[k].joints
+        ]
+        linked = {link: body for one in self._jointed for link, body in one.bodies.items()}
+        given = builder, scenario, settings.profile, masses, linked, posed, self._worlds
+        self._model, bodies, owners = model_of(*given)
         self._bodies, self._owners = np.array(bodies), np.array(owners)
         self._free = np.array([k for k, own in enumerate(bodies) if own != WORLD and k not in posed], int)
         self._fixed = np.flatnonzero(self._bodies == WORLD)
@@ -141,6 +162,10 @@ class World:
         self._now.body_q.assign(place)
         self._now.body_qd.assign(moved)
         newton.eval_ik(self._model, self._now, self._now.joint_q, self._now.joint_qd)
+        for one in self._jointed:
+            one.start(self._model, self._now)
+        if self._jointed:
+            newton.eval_fk(self._model, self._now.joint_q, self._now.joint_qd, self._now)
 
     def _pose(self, step: int) -> None:
         """Put kinematic bodies where a step starts, with their velocity in it."""
@@ -156,8 +181,8 @@ class World:
         newton.eval_ik(*given, body_flag_filter=newton.BodyFlags.KINEMATIC)
 
     def drive(self, step: int) -> None:
-        """Apply force and torque to the roots, which feel no gravity. Keep the poses of the step's start, for
-        its contacts: XPBD overwrites its input state."""
+        """Apply force and torque to the roots, and lift all links, which feel no gravity. Keep the poses of
+        the step's start, for its contacts: XPBD overwrites its input state."""
         self._moment = step + 1
         if self._posed:
             self._pose(step)
@@ -166,13 +191,18 @@ class World:
         if not self._drives:
             return
         moved, pushed = self._now.body_qd.numpy().astype(float), self._now.body_f.numpy()
+        gravity = np.array(self._scenario.acting_gravity)
         for drive in self._drives:
             root = self._bodies[drive.links[0]]
             place, turn = self._start[root, :3], np.roll(self._start[root, 3:], 1)
             force, torque = drive.central_wrench(step, place, turn, moved[root, :3], moved[root, 3:])
-            lifted = drive.root.mass * np.array(self._scenario.acting_gravity)
-            pushed[root] = *(force - lifted), *torque
+            pushed[root] = *(force - drive.root.mass * gravity), *torque
+        for one in self._jointed:
+            for body, mass in one.weights:
+                pushed[body, :3] -= mass * gravity
         self._now.body_f.assign(pushed)
+        commands = [one.command(step, self._now, self._control) for one in self._jointed]
+        self._torques = np.concatenate(commands) if commands else np.zeros(0)
 
     def step(self) -> None:
         """Find contacts, where the solver does not, and advance by one step."""
@@ -204,6 +234,13 @@ class World:
             drive.read_central(
                 state, number, *(one[root].copy() for one in (state.linear_velocity, state.angular_velocity))
             )
+        if self._jointed:
+            if self._settings.profile == XPBD:  # it has poses of bodies alone
+                newton.eval_ik(self._model, self._now, self._now.joint_q, self._now.joint_qd)
+            angles, rates = zip(*(one.hinges(self._now) for one in self._jointed))
+            state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
+            if self._steps:
+                state.hinge_torque[:] = self._torques
         self._read_contacts(state)
 
     def _read_contacts(self, state: State) -> None:
@@ -255,7 +292,8 @@ class World:
                 scenario.trackers[k].root: drive.gains() for k, drive in zip(self._coupled, self._drives)
             },
             pieces={body.name: int((self._owners == k).sum()) for k, body in enumerate(scenario.bodies)},
-            freedom=6 * len(self._free),
+            limits={name: pair for one in self._jointed for name, pair in one.limits(self._model).items()},
+            freedom=6 * len(self._free) - 5 * sum(len(one.bodies) - 1 for one in self._jointed),
         )
 
     def _facts(self) -> dict[str, Scalar]:
@@ -267,6 +305,7 @@ class World:
             "gravity_vector": str(model.gravity.numpy()[0].astype(float).tolist()),
             "collision_shapes": int(model.shape_count),
             "root_drive": ROOT_DRIVES[self._settings.drive],
+            **({"hinge_drive": HINGE_DRIVES[self._settings.drive]} if self._jointed else {}),
         }
         if self._settings.profile in OF_MUJOCO:
             options = ("iterations", "ls_iterations", "tolerance", "impratio", "cone", "solver", "integrator")

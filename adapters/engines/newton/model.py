@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -69,19 +69,27 @@ def restitutions_of(scenario: Scenario, profile: str) -> list[float]:
     return mean_factors("newton", "restitution", scenario, wanted)
 
 
+def builder_of(scenario: Scenario, profile: str) -> Any:
+    """An empty model, to which articulations are added before all other bodies."""
+    builder = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
+    if profile in OF_MUJOCO:
+        newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+    return builder
+
+
 def model_of(
+    builder: Any,
     scenario: Scenario,
     profile: str,
     masses: Sequence[Body | BodyFacts],
+    linked: Mapping[int, int],
     posed: Sequence[int] = (),
     worlds: int = 1,
 ) -> tuple[Any, list[int], list[int]]:
     """Newton's model with the masses of all bodies, those of `posed` kinematic, in equal worlds; of the first
-    Newton's body per body of the scenario (WORLD: fixed), and the body of each shape."""
-    builder = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
+    Newton's body per body of the scenario (WORLD: fixed), and the body of each shape. `linked` has the bodies
+    that the builder has."""
     (friction, priority), restitution = frictions_of(scenario, profile), restitutions_of(scenario, profile)
-    if profile in OF_MUJOCO:
-        newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
     bodies, owners = [], []
     for k, body in enumerate(scenario.bodies):
         own = pose(body.position, body.orientation)
@@ -92,12 +100,15 @@ def model_of(
         given = {"cfg": config}
         if priority[k]:
             given["custom_attributes"] = {PRIORITY: priority[k]}
-        bodies.append(WORLD if fixed else _add_body(builder, body.name, masses[k], own, k in posed))
+        if k in linked:
+            bodies.append(linked[k])
+        else:
+            bodies.append(WORLD if fixed else _add_body(builder, body.name, masses[k], own, k in posed))
         for piece in body.pieces:
             place = pose(piece.position, piece.orientation)
             _add_piece(builder, bodies[k], piece, own * place if fixed else place, given, profile)
             owners.append(k)
-    if posed:
+    if posed or linked:
         meeting = set(scenario.touching_pairs())
         held = {k for k, body in enumerate(bodies) if body == WORLD}.union(posed)
         for (one, a), (two, b) in combinations(enumerate(owners), 2):
@@ -105,9 +116,7 @@ def model_of(
                 builder.add_shape_collision_filter_pair(one, two)
     whole = builder
     if worlds > 1:
-        whole = newton.ModelBuilder(gravity=tuple(scenario.acting_gravity))
-        if profile in OF_MUJOCO:
-            newton.solvers.SolverMuJoCo.register_custom_attributes(whole)
+        whole = builder_of(scenario, profile)
         for _ in range(worlds):
             whole.add_world(builder)
     return whole.finalize(device=CPU), bodies, owners
@@ -122,10 +131,24 @@ def pose(position: Any, orientation: Any) -> Any:
 def _add_body(builder: Any, name: str, masses: Body | BodyFacts, own: Any, posed: bool) -> int:
     if not masses.mass > 0:  # a prescribed body; MuJoCo ignores the velocity of one without mass
         masses = BodyFacts(1.0, masses.center_of_mass, tuple(map(tuple, np.eye(3).tolist())))
-    given = {"inertia": warp.mat33(np.array(masses.inertia, dtype=np.float32)), "lock_inertia": True}
-    given |= {"com": tuple(masses.center_of_mass), "mass": masses.mass, "is_kinematic": posed}
-    index: int = builder.add_body(xform=own, label=name, **given)
+    index: int = builder.add_body(xform=own, label=name, is_kinematic=posed, **_given(masses))
     return index
+
+
+def add_link(builder: Any, name: str, masses: Body | BodyFacts, own: Any) -> int:
+    """Add a body of an articulation with its pose at the start."""
+    index: int = builder.add_link(xform=own, label=name, **_given(masses))
+    return index
+
+
+def _given(masses: Body | BodyFacts) -> dict[str, Any]:
+    inertia = warp.mat33(np.array(masses.inertia, dtype=np.float32))
+    return {
+        "com": tuple(masses.center_of_mass),
+        "mass": masses.mass,
+        "inertia": inertia,
+        "lock_inertia": True,
+    }
 
 
 def _add_piece(
@@ -173,7 +196,8 @@ def solver_of(model: Any, settings: Settings) -> Any:
         return solvers.SolverXPBD(model, iterations=iterations, enable_restitution=bounces)
     if settings.profile == STEEL:
         rows = max(STEEL_ROWS, 3 * CONTACTS_PER_SHAPE * model.shape_count)
-        return solvers.SolverSteel(model, iterations=iterations, free_body_constraint_max=rows)
+        room = {"free_body_constraint_max": rows, "articulation_constraint_max": rows}
+        return solvers.SolverSteel(model, iterations=iterations, enable_joint_limits=True, **room)
     if settings.profile == KAMINO:
         config = solvers.SolverKamino.Config.from_model(model)
         config.use_collision_detector = True

@@ -2,13 +2,14 @@
 
 import shutil
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from touchstone.adapters.registry import ENGINES, Entry
-from touchstone.adapters.workers.environment import VersionError, environment
+from touchstone.adapters.registry import ENGINES, Entry, own_environment
+from touchstone.adapters.workers.environment import VersionError, environment, installed_version
 from touchstone.adapters.workers.pip_calls import cache_folder, pip_reason
 
 HERE = str(Path(__file__).parent)
@@ -55,6 +56,16 @@ def released(monkeypatch, tmp_path, cache):
     entry = Entry("fake_adapter:Engine", "fake_physics", {"default": 1 / 240}, "fake-physics")
     monkeypatch.setitem(ENGINES, "faked", entry)
     return wheels
+
+
+def test_the_installed_version_may_be_in_an_environment_of_its_own(released, monkeypatch, tmp_path):
+    """Its engine's environment is what plays then, if it has been added."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
+    monkeypatch.setitem(ENGINES, "faked", replace(ENGINES["faked"], pins=("fake-physics==1.0",)))
+    assert installed_version("faked") == ""
+    own_environment("faked").add()
+    assert installed_version("faked") == "1.0"
+    assert environment("faked", "1.0") == own_environment("faked").folder
 
 
 def _command(*versions):
