@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.registry import ENGINES, own_environment
 from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, mean, restart_ratio
 from touchstone.reports.metrics.context import ROUNDING
 from touchstone.reports.results import UNJUDGED, Row
@@ -100,7 +100,8 @@ def _stages(recording: Recording, contact: NDArray[np.bool_]) -> str:
 
 def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run: bool) -> list[Row]:
     """All statistics of the reference over every engine, at steps that can be compared. Of each kind of
-    comparison, the ratio to the fastest engine is judged.
+    comparison, the ratio to the fastest engine is judged, of those without an environment of their own, with
+    which the limits were measured.
 
     Args:
         one_run: the times are from one run, which leaves some ratios without verdict (`judged_time`).
@@ -109,7 +110,7 @@ def ratio_rows(study: str, scenario: Scenario, columns: Sequence[Timed], one_run
     ours = [column for column in columns if column.engine == REFERENCE]
     for mine, theirs in product(ours, (column for column in columns if column.engine != REFERENCE)):
         if (mine.profile == EQUAL_PROFILE) == (theirs.profile == EQUAL_PROFILE):
-            own = mine.at_own_step and theirs.at_own_step
+            own = mine.at_own_step and theirs.at_own_step and own_environment(theirs.engine) is None
             kind = kind_of(mine.label, theirs.label) if own else ""
             code, said = compared(mine.overlap, theirs.overlap)
             frames = len(pair_frames(mine, theirs)[2]) if one_run else inf

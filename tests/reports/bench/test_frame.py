@@ -9,7 +9,7 @@ import pytest
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recording import load
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.registry import ENGINES, registered
 from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.adapters.workers.process import last_core
 from touchstone.reports.bench import frame
@@ -212,6 +212,23 @@ def test_one_run_is_confirmed_by_the_interval_of_its_medians(monkeypatch) -> Non
         )
         assert row.low > 0.15
         assert row.verdict == verdict
+
+
+def test_limits_are_those_of_engines_beside_this_program(monkeypatch) -> None:
+    """Judge the ratio to DART, with which the limit was measured, and only tell that to Rapier."""
+    limits(monkeypatch, 0.1)
+    own = ENGINES[registered("rapier")].profiles["recommended"]
+    contact = np.ones(180, dtype=bool)
+    columns = [
+        ratios.Timed(engine, profile, dt, np.full((1, 180), seconds), contact)
+        for engine, profile, dt, seconds in (
+            ("reference", "balanced", 1 / 60, 1e-6),
+            ("dart", "recommended", 1 / 1020, 1e-5),
+            ("rapier", "recommended", own, 1e-6),
+        )
+    ]
+    found = [row for row in ratios.ratio_rows("run", SCENE, columns, True) if row.metric == RATIO]
+    assert {row.subject.split()[0]: row.verdict != "" for row in found} == {"dart": True, "rapier": False}
 
 
 def test_overlap_fails_what_aims_at_a_ratio(monkeypatch, shown) -> None:
