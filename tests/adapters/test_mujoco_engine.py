@@ -26,7 +26,6 @@ from touchstone.scenarios.scenario import (
 from touchstone.scenarios.solids import elliptic_hull, sphere_inertia
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-from touchstone.adapters.engines.mujoco import contacts as mujoco_contacts  # noqa: E402
 from touchstone.adapters.engines.mujoco import engine as mujoco_engine  # noqa: E402
 from touchstone.adapters.engines.mujoco.contacts import (  # noqa: E402
     REST_STEPS,
@@ -245,11 +244,6 @@ SCENES = (
 """Hands, a collision, many balls, a person whose arms meet, each with the steps to play."""
 
 
-def explicit_pairs(spec, bodies, scenario: Scenario, settings: Settings) -> None:
-    """Every touching pair as explicit pairs, the slow way."""
-    mujoco_contacts.add_pairs(spec, scenario, settings, scenario.touching_pairs())
-
-
 def build(scenario: Scenario):
     """A world in which only what the plan has is simulated."""
     left = planned(scenario).applied(scenario, fixed_pieces=True)
@@ -289,7 +283,7 @@ def test_masks_give_the_contacts_of_explicit_pairs(
     scenario = catalogue()[name]
     masked, listed = played(scenario, count)
     assert listed == 0
-    monkeypatch.setattr(mujoco_engine, "add_contacts", explicit_pairs)
+    monkeypatch.setattr(mujoco_engine.MujocoEngine, "masks", False)
     paired, listed = played(scenario, count)
     assert listed > 0
     assert sum(len(row[1]) for row in paired) > 0
