@@ -54,6 +54,7 @@ STANDS_FOR = {
     "SCENE": "slip",
     "--engine NAME": "--engine dart",
     "FILE": "detector_reports.json",
+    "tosses tosses": "tosses tests/reports/studies/tosses",
 }
 NOT_RUN = {
     "touchstone versions": "downloads wheels; tests/reports/studies",
@@ -166,7 +167,7 @@ def home(tmp_path_factory) -> Path:
         (folder / target).write_text(block[1], "utf-8")
     shutil.copy(ROOT / "docs" / "toy_engine.py", folder)
     shutil.copy(ROOT / "tests" / "reports" / "studies" / "detector_reports.json", folder)
-    shutil.copytree(ROOT / "tests" / "reports" / "studies" / "tosses", folder / "tosses")
+    shutil.copytree(ROOT / "tests" / "reports" / "studies" / "tosses", folder / "tests/reports/studies/tosses")
     shutil.copytree(ROOT / "challenges", folder / "challenges")
     for name in ("a", "b"):
         code, text = call(folder, ["run", "slip", "--out", f"runs/{name}"])
