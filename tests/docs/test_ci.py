@@ -95,7 +95,7 @@ def test_the_recipe_is_green_and_red(tmp_path):
 
 
 def test_the_citation_is_of_this_version():
-    """CITATION.cff has the fields that its format requires; it and the changelog have the package's version."""
+    """CITATION.cff has the fields that its format requires; the changelog and it have this version."""
     import tomllib
 
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
