@@ -114,6 +114,18 @@ def test_passes_time_a_variant_beside_the_first(registry) -> None:
     assert np.array_equal(mine.pace.seconds, whole.beside.seconds)
 
 
+@pytest.mark.parametrize(("whole", "verdict"), [(True, "fail"), (False, "")])
+def test_means_of_a_selection_have_no_limit(tmp_path, monkeypatch, whole, verdict) -> None:
+    """A stack needs all effects all the time: alone it breaks no limit on the mean of the probes."""
+    stack = catalogue()["stack"]
+    monkeypatch.setattr(effects, "scenes", lambda: [stack] if whole else [stack, catalogue()["fall"]])
+    found = (np.zeros(0), {"": variant(1e-6), ALL: variant(1e-6)})
+    monkeypatch.setattr(effects, "played", lambda *_, **__: [found])
+    frame = effects.run([stack], ["reference"], tmp_path / "out", lambda label, steps: None)
+    (row,) = (row for row in rows_of(frame) if row.metric == "time.left")
+    assert (row.value, row.verdict) == (pytest.approx(1.0), verdict)
+
+
 def test_a_frame_is_timed_beside_one_of_its_own_variant() -> None:
     """Two worlds of a variant step in turn; variants take turns by blocks that begin elsewhere each pass."""
     order: list[bool] = []
