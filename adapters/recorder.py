@@ -116,7 +116,7 @@ def build(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[World
 def planned_for(engine: str, scenario: Scenario, settings: Settings) -> tuple[Scenario, Settings, Plan]:
     """The scene and the settings that an engine of this name gets, and the plan."""
     plan = planned(scenario, settings.effects)
-    applied = plan.applied(scenario, fixed_pieces=_keeps_fixed_pieces(engine))
+    applied = plan.applied(scenario, _keeps_pieces(engine))
     whole = bool(plan.removed) or set(PLANNED) <= set(settings.effects or ())  # no bound of the plan holds
     left = dataclasses.replace(
         settings, skipped=plan.skipped, fat_bounds=not whole, sleeping=plan.on("sleeping")
@@ -124,8 +124,8 @@ def planned_for(engine: str, scenario: Scenario, settings: Settings) -> tuple[Sc
     return applied, left, plan
 
 
-def _keeps_fixed_pieces(engine: str) -> bool:
-    return engine in ENGINES and ENGINES[engine].keeps_fixed_pieces
+def _keeps_pieces(engine: str) -> str:
+    return ENGINES[engine].keeps_pieces if engine in ENGINES else ""
 
 
 def warm_up(engine: Engine, scenario: Scenario, settings: Settings) -> None:
@@ -340,8 +340,10 @@ def _beyond(engine: str, decision: Decision) -> str:
         return f"; {engine} has no such stage"
     if decision.effect == "rotation" and decision.state == "not needed":
         return f"; {engine} integrates it all the same"
-    if decision.effect == "contact" and decision.on and _keeps_fixed_pieces(engine):
-        return f"; {engine} keeps the fixed pieces that meet nothing, without which its steps take longer"
+    keeps = _keeps_pieces(engine)
+    if decision.effect == "contact" and (decision.on if keeps == "fixed" else keeps):
+        which = "the fixed pieces" if keeps == "fixed" else "pieces"
+        return f"; {engine} keeps {which} that meet nothing, without which its steps take no less time"
     return ""
 
 

@@ -90,7 +90,14 @@ def registered(name: str) -> str:
 
 def installed(name: str) -> bool:
     """Whether an engine's package can be found, by its child process at least; imports nothing."""
-    return packages_of(name) is not None or importlib.util.find_spec(_known(name).package) is not None
+    return packages_of(name) is not None or _found(name)
+
+
+def _found(name: str) -> bool:
+    """Whether this process finds an engine's package, and not only a folder that its removal left."""
+    entry = _known(name)
+    spec = importlib.util.find_spec(entry.package)
+    return spec is not None and (spec.origin is not None or not entry.requirement)
 
 
 def own_environment(name: str) -> OwnEnvironment | None:
@@ -134,7 +141,7 @@ def missing_reason(name: str) -> str:
 def load(name: str) -> Engine:
     """Load the engine called `name`; raises NotInstalled with the package that pip installs, and ImportError
     with what is wrong with its environment."""
-    if importlib.util.find_spec(_known(name).package) is None:
+    if not _found(name):
         place = packages_of(name)
         raise NotInstalled(f"not found in this process, but in {place}" if place else missing_reason(name))
     try:

@@ -105,17 +105,20 @@ class Plan:
         """Effects that the scene requires but that the caller excluded."""
         return tuple(decision.effect for decision in self.decisions if decision.state == "forced off")
 
-    def applied(self, scenario: Scenario, fixed_pieces: bool = False) -> Scenario:
-        """Scenario without what the plan omits: pieces, coefficients, gravity, chains and cones; with
-        `fixed_pieces`, fixed bodies keep theirs where there is contact."""
-        whole = {"fixed"} if fixed_pieces and self.on("contact") else set()
+    def applied(self, scenario: Scenario, keeps: str = "") -> Scenario:
+        """Scenario without what the plan omits: pieces, coefficients, gravity, chains and cones; `keeps`
+        names pieces that stay all the same (`Entry.keeps_pieces`)."""
+        contact = self.on("contact")
         driven = {k for links in map(scenario.links, scenario.trackers) for k in links if self.pieces[k]}
         groups = scenario.groups()
         followed = {groups[k] for k in driven}
         bodies = tuple(
             body
             # A hand or an avatar keeps all pieces, because these determine which of its links are adjacent.
-            if len(kept) == len(body.pieces) or groups[k] in followed or body.kind in whole
+            if len(kept) == len(body.pieces)
+            or groups[k] in followed
+            or (keeps == "fixed" and contact and body.kind == "fixed")
+            or (keeps == "met" and (kept or not (contact or self.removed)))
             else replace(body, pieces=tuple(body.pieces[i] for i in kept))
             for k, (body, kept) in enumerate(zip(scenario.bodies, self.pieces))
         )

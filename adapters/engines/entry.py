@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 GROUP = "touchstone.engines"
 """Entry-point group of engines."""
@@ -37,8 +38,9 @@ class Entry:
         pins: "name==version" of all packages of an environment of its own (`workers/own_environment.py`), for
             requirements that conflict with this program's; () if it needs none.
         lacks: abilities of `conformance/abilities.py` that its first profile has not.
-        keeps_fixed_pieces: whether plans leave it the pieces of fixed bodies that nothing can meet, because
-            its steps take longer without them (`touchstone study effects`).
+        keeps_pieces: pieces that plans leave it although nothing can meet them, because its steps take no
+            less time without them (`touchstone study effects`): `fixed` those of fixed bodies, where there is
+            contact; `met` those of bodies of which something can meet a piece, and all where nothing meets.
         backend_of: engine of which this is another implementation, with its profiles; "" if of none.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
@@ -63,7 +65,7 @@ class Entry:
     script: str = ""
     pins: tuple[str, ...] = ()
     lacks: tuple[str, ...] = ()
-    keeps_fixed_pieces: bool = False
+    keeps_pieces: Literal["", "fixed", "met"] = ""
     backend_of: str = ""
 
 

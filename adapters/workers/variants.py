@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise, product
 from math import inf
 from time import perf_counter, process_time
 
@@ -23,6 +24,8 @@ from touchstone.scenarios.scenario import Scenario
 
 PLANS = 3
 """Number of timed plannings of a scene, after one that is not timed."""
+BLOCK = 32
+"""Frames that a timed variant plays before the other's turn: caches hold its code after the first few."""
 FIELDS = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
 """State fields that are compared bitwise."""
 
@@ -104,26 +107,29 @@ def play(
 def _time(
     engine: Engine, scenario: Scenario, pair: tuple[Settings, Settings], frames: int, passes: int
 ) -> tuple[Pace, Pace]:
-    """Times of two variants' frames, each the fastest of `passes`; the variants take turns by scenes.
+    """Times of two variants' frames, each the fastest of `passes`; variants take turns by blocks of frames.
 
     Two worlds of one variant step in turn, so that a frame finds the code that it runs in the caches: between
     frames of another variant the first contact after a flight takes microseconds more, and only with a plan.
+    Blocks begin elsewhere in each pass, so that no frame is the first of a block in all of them; another
+    process that takes seconds of the machine slows both variants.
     The first frame is not timed where others follow: it is the first to touch the memory of its world, which
     takes up to 0.1 ms in some passes and nothing in others.
     """
     fastest = np.full((2, frames, 2), inf)
-    for turn in range(-(-passes // 2)):
-        for k in (turn % 2, (turn + 1) % 2):
-            worlds = [ready(engine, scenario, pair[k]).world for _ in range(2)]
-            for number in range(frames):
-                for world in worlds:
-                    seconds = frame_seconds(world, scenario, pair[k], number)
-                    start = perf_counter()
-                    world.cross()
-                    spent = seconds, perf_counter() - start
-                    fastest[k, number] = np.minimum(fastest[k, number], spent)
-            for world in worlds:
-                world.close()
+    turns = -(-passes // 2)
+    for turn in range(turns):
+        worlds = [[ready(engine, scenario, one).world for _ in range(2)] for one in pair]
+        edges = [0, *range(1 + turn * BLOCK // turns, frames, BLOCK), frames]
+        for (begin, end), k in product(pairwise(edges), (turn % 2, (turn + 1) % 2)):
+            for number, world in product(range(begin, end), worlds[k]):
+                seconds = frame_seconds(world, scenario, pair[k], number)
+                start = perf_counter()
+                world.cross()
+                spent = seconds, perf_counter() - start
+                fastest[k, number] = np.minimum(fastest[k, number], spent)
+        for world in worlds[0] + worlds[1]:
+            world.close()
     first = min(1, frames - 1)
     one, two = (Pace(each[first:, 0], each[first:, 1]) for each in fastest)
     return one, two

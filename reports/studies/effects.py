@@ -82,9 +82,12 @@ def run(scenarios: Sequence[Scenario], engines: Sequence[str], out: Path, progre
             found = played(measure, asked, output, progress, patience=COMPILE_PATIENCE, processes=1)
             for task, one in zip(asked, found):
                 rows += rows_of_scene(task, one)
-        rows += means(rows, tags)
+        summed = means(rows, tags)
+        # limits on means are those of whole groups: a selection may need all that a plan could leave out
+        if {one.name for one in scenes()} <= set(tags):
+            rows, summed = [*rows, *summed], []
         facts = {"study": STUDY, "tolerance": TOLERANCE, "budget": BUDGET, "scenarios": list(tags)}
-        judged_rows = [judged(row, tags.get(row.scenario, ())) for row in rows]
+        judged_rows = [judged(row, tags.get(row.scenario, ())) for row in rows] + summed
         return kept(judged_rows, folder, facts, {"effects.png": savings})
 
 

@@ -45,9 +45,12 @@ def test_the_hint_names_something_pip_can_install(name):
     assert asked.startswith(ENGINES[name].package)
 
 
-def test_a_missing_package_is_told_with_its_hint(monkeypatch):
-    """An engine whose package is not there is not installed, and loading it says how to get it."""
-    entry = replace(ENGINES["mujoco"], package="no_such_package")
+@pytest.mark.parametrize("package", ["no_such_package", "left_behind"])
+def test_a_missing_package_is_told_with_its_hint(monkeypatch, tmp_path, package):
+    """An engine without its package, or with its folder alone, is missing; loading it says how to get it."""
+    (tmp_path / "left_behind").mkdir()
+    monkeypatch.syspath_prepend(str(tmp_path))
+    entry = replace(ENGINES["mujoco"], package=package)
     monkeypatch.setitem(module.ENGINES, "mujoco", entry)
     assert not installed("mujoco")
     with pytest.raises(NotInstalled, match="pip install mujoco"):

@@ -95,13 +95,14 @@ def test_the_recipe_is_green_and_red(tmp_path):
 
 
 def test_the_citation_is_of_this_version():
-    """CITATION.cff has the fields that its format requires, and the version of the package."""
+    """CITATION.cff has the fields that its format requires; the changelog and it have this version."""
     import tomllib
 
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert {"cff-version", "message", "title", "authors"} <= cited.keys()
     assert (cited["version"], cited["license"]) == (project["version"], project["license"])
+    assert re.search(r"^## (.*)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1] == project["version"]
 
 
 @pytest.mark.parametrize(

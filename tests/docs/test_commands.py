@@ -45,6 +45,7 @@ FACTOR = 3.0
 """Factor up to which a time on a page is that of its command."""
 OPTIONAL = re.compile(r"\[[^]]*\b[A-Z]+\b[^]]*\](\.\.\.)?")
 """An optional part with a placeholder, which is left out; others are taken without their brackets."""
+TOSSES = "tests/reports/studies/tosses"
 STANDS_FOR = {
     "mypkg.adapter:MyEngine": "toy_engine:ToyEngine",
     "runs/TIME": "runs/a",
@@ -54,6 +55,7 @@ STANDS_FOR = {
     "SCENE": "slip",
     "--engine NAME": "--engine dart",
     "FILE": "detector_reports.json",
+    "tosses tosses": f"tosses {TOSSES}",
 }
 NOT_RUN = {
     "touchstone versions": "downloads wheels; tests/reports/studies",
@@ -166,7 +168,7 @@ def home(tmp_path_factory) -> Path:
         (folder / target).write_text(block[1], "utf-8")
     shutil.copy(ROOT / "docs" / "toy_engine.py", folder)
     shutil.copy(ROOT / "tests" / "reports" / "studies" / "detector_reports.json", folder)
-    shutil.copytree(ROOT / "tests" / "reports" / "studies" / "tosses", folder / "tosses")
+    shutil.copytree(ROOT / TOSSES, folder / TOSSES)
     shutil.copytree(ROOT / "challenges", folder / "challenges")
     for name in ("a", "b"):
         code, text = call(folder, ["run", "slip", "--out", f"runs/{name}"])

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from fake_world import FakeWorld
 from rich.console import Console
 
 from touchstone.adapters.contract import Settings
-from touchstone.adapters.workers.variants import Pace, Variant, _time, play
+from touchstone.adapters.workers.variants import BLOCK, Pace, Variant, _time, play
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.tasks import Task, own_settings
 from touchstone.reports.studies import effects
@@ -113,8 +114,20 @@ def test_passes_time_a_variant_beside_the_first(registry) -> None:
     assert np.array_equal(mine.pace.seconds, whole.beside.seconds)
 
 
+@pytest.mark.parametrize(("whole", "verdict"), [(True, "fail"), (False, "")])
+def test_means_of_a_selection_have_no_limit(tmp_path, monkeypatch, whole, verdict) -> None:
+    """A stack needs all effects all the time: alone it breaks no limit on the mean of the probes."""
+    stack = catalogue()["stack"]
+    monkeypatch.setattr(effects, "scenes", lambda: [stack] if whole else [stack, catalogue()["fall"]])
+    found = (np.zeros(0), {"": variant(1e-6), ALL: variant(1e-6)})
+    monkeypatch.setattr(effects, "played", lambda *_, **__: [found])
+    frame = effects.run([stack], ["reference"], tmp_path / "out", lambda label, steps: None)
+    (row,) = (row for row in rows_of(frame) if row.metric == "time.left")
+    assert (row.value, row.verdict) == (pytest.approx(1.0), verdict)
+
+
 def test_a_frame_is_timed_beside_one_of_its_own_variant() -> None:
-    """Two worlds of one variant step in turn, and the variants take turns by scenes."""
+    """Two worlds of a variant step in turn; variants take turns by blocks that begin elsewhere each pass."""
     order: list[bool] = []
 
     class Counted(FakeWorld):
@@ -133,9 +146,12 @@ def test_a_frame_is_timed_beside_one_of_its_own_variant() -> None:
 
     fall = catalogue()["fall"]
     pair = [replace(Settings("any", 1 / 60), effects=names) for names in (None, PLANNED)]
-    _time(Fake(), fall, pair, 3, 4)
-    plan, every = [True] * 6, [False] * 6
-    assert order == [*plan, *every, *every, *plan]
+    _time(Fake(), fall, pair, BLOCK + 3, 4)
+    blocks = [(plan, len(list(steps)) // 2) for plan, steps in groupby(order)]
+    first, second = (1, BLOCK, 2), (1 + BLOCK // 2, 2 + BLOCK // 2)
+    assert [n for plan, n in blocks if plan] == [*first, *second]
+    # the second pass begins with the variant that ended the first
+    assert [n for plan, n in blocks if not plan] == [*first[:2], first[2] + second[0], second[1]]
 
 
 def test_a_budget_ends_all_variants_together(registry) -> None:

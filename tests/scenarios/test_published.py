@@ -2,7 +2,9 @@
 
 import re
 from dataclasses import replace
+from fnmatch import fnmatch
 from math import cos, radians, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -49,9 +51,14 @@ def frames(scenario: Scenario) -> np.ndarray:
 
 
 def test_values_have_sources() -> None:
-    """At least 30 values, each with author and year, in the scenes of the tag and in a large one."""
+    """At least 30 values with author and year, in scenes of the tag, all on the page, and in a large one."""
     assert len(ROWS) >= 30
-    scenes = (*tagged("literature"), catalogue()["silo_1000"])
+    tag = tagged("literature")
+    scenes = (*tag, catalogue()["silo_1000"])
+    page = (Path(__file__).parents[2] / "docs" / "published.md").read_text("utf-8")
+    named = re.findall(r"`(\w+\*?)`", "".join(re.findall(r"^\|.*", page, re.MULTILINE)))
+    assert [one.name for one in tag if not any(fnmatch(one.name, pattern) for pattern in named)] == []
+    assert f"plays {len(tag)} scenes" in page
     assert {scene for scene, _ in ROWS} == {scene.name for scene in scenes}
     for scene in scenes:
         for one in scene.published:
