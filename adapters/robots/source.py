@@ -235,14 +235,17 @@ def _compiled(root: Element, load: Any, path: Path) -> tuple[Any, tuple[str, ...
         place = f"{path}:{line[1]}" if line else f"{path}"
         reason = f"{tag[1]}: {reason}" if tag and line else reason
         raise RobotError(f"{place}: {reason}") from error
+    faults: list[tuple[str, str, str]] = []
     for body in range(model.nbody):
         own = [getattr(model, f"body_{name}")[body] for name in ("mass", "inertia", "ipos", "pos")]
         turns = [np.linalg.norm(getattr(model, f"body_{name}")[body]) for name in ("iquat", "quat")]
         if not (np.isfinite(np.hstack(own)).all() and np.allclose(turns, 1)):
-            name = model.body(body).name
-            reason = "its mass, inertia or pose is not finite"
-            element = _named(root, name)
-            raise RobotError(element.named(reason) if element else f"{path}: body {name!r}: {reason}")
+            faults.append(("body", model.body(body).name, "its mass, inertia or pose is not finite"))
+    for joint in np.flatnonzero(~np.isclose(np.linalg.norm(model.jnt_axis, axis=1), 1)):
+        faults.append(("joint", model.joint(joint).name, "its axis is not finite"))
+    for kind, name, reason in faults:
+        element = _named(root, name)
+        raise RobotError(element.named(reason) if element else f"{path}: {kind} {name!r}: {reason}")
     return model, tuple(warned)
 
 

@@ -152,6 +152,9 @@ def test_a_number_that_is_not_finite_is_named(load):
     """In a URDF, with its link and line."""
     with pytest.raises(RobotError, match=r"robot\.urdf:2: link 'a': its mass, inertia or pose is not finite"):
         load(robot(link("a", INERTIAL.replace('ixx="0.01"', 'ixx="inf"'))))
+    turning = joint("turns", "a", "b").replace("0 1 0", "0 1.3407807929942597e+154 0")
+    with pytest.raises(RobotError, match=r"robot\.urdf:4: joint 'turns': its axis is not finite"):
+        load(robot(link("a"), link("b"), turning))
 
 
 def test_a_note_names_the_joint_that_mimics(load):
