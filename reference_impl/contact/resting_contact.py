@@ -412,8 +412,6 @@ def _prepare_resting_contacts(world, count, h):
     curved, turned = False, 0.0
     for k in range(count):
         pair = pairs[k]
-        if state["dense_substep"] == 1 and pair["flat_a"] + pair["flat_b"] == 0:
-            continue
         turn = move_to_middle(bodies, world.pieces, pair, h)
         if pair["curved"] == 1 and not is_curved(bodies, world.drivers, pair, h):
             pair["curved"] = 0
