@@ -44,13 +44,13 @@ def sweep_drivers(world):
     every = state["detection"] != DETECTION_FAST
     for d in range(len(drivers)):
         if drivers[d]["has_free"] == 1 and (
-            every or is_far(bodies, joints, drivers[d], state["least_width"])
+            every or spans(bodies, joints, drivers[d], state["least_width"]) > 1
         ):
             stop_deep(world, d)
     for _ in range(len(drivers) - 1):
         far = every
         for d in range(len(drivers)):
-            far = is_far(bodies, joints, drivers[d], 0.0) or far
+            far = spans(bodies, joints, drivers[d], 0.0) > 1 or far
         if not far or not stop_deep(world, -1):
             break
 
@@ -61,7 +61,7 @@ def stop_deep(world, d):
     another of its links. The current pose is stored as the pose at entry; poses the links.
 
     With d = -1, move back the two drivers that first go deep into each other if all move together.
-    Prescribed ones go on. DETECTION_FAST needs the paths that `is_far` bounds.
+    Prescribed ones go on. DETECTION_FAST needs the paths that `spans` bounds.
 
     Returns:
         Whether any moved back.
@@ -108,15 +108,15 @@ def _is_swept(drivers, d, k):
 
 
 @kernel
-def is_far(bodies, joints, driver, least_width):
-    """Whether a link may have moved since the last free pose by more than half the sum of its width and that
-    of others [m]; poses the links and bounds their paths."""
+def spans(bodies, joints, driver, least_width):
+    """Longest path of a link since the last free pose, over half the sum of its width and that of others [1]:
+    beyond 1, it may lead through one of them. Poses the links and bounds their paths."""
     _largest_turn(bodies, joints, driver)
     pose_moved(bodies, joints, driver)
-    far = _set_path(bodies[driver["root"]], least_width)
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        far = _set_path(bodies[joints[k]["child"]], least_width) or far
-    return far
+    most = 0.0
+    for k in range(driver["joint_count"] + 1):
+        most = max(most, _set_path(bodies[link_of(joints, driver, k)], least_width))
+    return most
 
 
 @kernel
@@ -138,7 +138,7 @@ def _set_path(body, least_width):
     for i in range(3):
         body["travel"][i], body["travel_bend"][i] = body["center"][i] - body["free_center"][i], 0.0
     set_path(body, body["spin_most"])
-    return body["path"] > PAST_MIDDLE * (body["width"] + least_width)
+    return body["path"] / (PAST_MIDDLE * (body["width"] + least_width))
 
 
 @kernel

@@ -29,7 +29,7 @@ from touchstone.reference_impl.kinematics.driver_poses import (
 )
 from touchstone.reference_impl.kinematics.skeleton import pose_links, pose_moved
 from touchstone.reference_impl.posture.chain_overlap_removal import free_chains
-from touchstone.reference_impl.posture.driven_time_of_impact import is_far, stop_deep
+from touchstone.reference_impl.posture.driven_time_of_impact import spans, stop_deep
 from touchstone.reference_impl.posture.global_depth import Mover, global_depth, largest_depth, side_of
 from touchstone.reference_impl.posture.min_norm_translation import min_norm_translation
 
@@ -43,8 +43,9 @@ LONGEST_SHIFT = 100.0
 STALL_ROUNDS = 8
 STALL_FALL = 0.9
 """The largest depth must fall below 0.9 of itself in 8 rounds."""
-WAY_BACK_STEPS = 24
-"""Bisections between the last free pose and the pose at entry: 6e-8 of their distance."""
+WAY_BACK_STEPS, WAY_BACK_PARTS = 24, 1000
+"""Bisections between the last free pose and the pose at entry: 6e-8 of their distance; and most parts of that
+way that are tested in turn."""
 
 
 @kernel
@@ -191,7 +192,7 @@ def _is_moved_far(bodies, joints, driver, state):
         moved = moved or driver["position"][i] != driver["entry_position"][i]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         moved = moved or joints[k]["angle"] != joints[k]["entry_angle"]
-    return moved and is_far(bodies, joints, driver, state["least_width"])
+    return moved and spans(bodies, joints, driver, state["least_width"]) > 1
 
 
 @kernel
@@ -230,13 +231,18 @@ def _way_back(world, d, later):
 
 @kernel
 def _bisect(world, d, later, part):
-    """Bisect one part of driver d between its last free pose (t = 0) and its pose at entry (t = 1), with the
-    other parts fixed; keep the free end."""
-    free, blocked = 0.0, 1.0
-    driver = world.drivers[d]
-    if driver["chain_count"] > 0:
-        if _free_at(world, d, later, part, 1.0):
+    """Move one part of driver d from its last free pose (t = 0) towards its pose at entry (t = 1) as far as
+    is free, with the other parts fixed: in steps that lead through nothing, the last of them bisected."""
+    driver, free, blocked = world.drivers[d], 0.0, 0.0
+    interpolate(world.bodies, world.joints, driver, part, 1.0)
+    way = spans(world.bodies, world.joints, driver, world.state["least_width"])
+    steps = 1 + int(min(way, WAY_BACK_PARTS - 1))
+    while free == blocked:
+        if free == 1:
             return
+        blocked = min(free + 1 / steps, 1.0)
+        if _free_at(world, d, later, part, blocked):
+            free = blocked
     for _ in range(WAY_BACK_STEPS):
         middle = (free + blocked) / 2
         if _free_at(world, d, later, part, middle):

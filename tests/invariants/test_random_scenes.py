@@ -138,7 +138,11 @@ SOLVED = {
     # bodies that stuck between walls were asked for a strain, and got 1e6 N s
     ("balanced", "wedge"): (990017, 990106),
     # overlap removal took a foot through the other foot, and a hand through a thigh, in a frame
-    ("balanced", "person"): (97000362, 4411025),
+    ("balanced", "person"): (
+        *(97000362, 4411025),
+        2000751,  # on the way back, a leg stepped through the other one, which had not moved yet
+        2001373,  # the width of the floor, not of the other foot, decided whether the way was swept
+    ),
     ("balanced", "shake"): (
         *(90, 483),  # a platform ended 4 and 2 mm within a light body whose impacts a frame did not resolve
         # in a jam between walls, rows of balls acted at the start of a substep and others in its middle: no

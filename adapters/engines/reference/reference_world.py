@@ -168,9 +168,9 @@ def translate(scenario: Scenario) -> World:
     world.state["self_collision"] = "self_collision" in scenario.effects
     world.state["mechanisms"], world.state["driven_count"] = len(drivers) > driven[0], driven[0]
     world.state["compound"] = bodies["piece_count"].max(initial=0) > 1
-    others = world.bodies["kind"] != conventions.DRIVEN
     world.state["moving_surfaces"] = any(map(surface_moves, scenario.bodies))
-    world.state["least_width"] = world.bodies["width"][others].min(initial=np.inf)
+    met = (bodies["kind"] != conventions.DRIVEN) | (world.state["self_collision"] == 1)
+    world.state["least_width"] = bodies["width"][met].min(initial=np.inf)
     _set_chains(scenario, world)
     _set_links(scenario, world, driven[1])
     _set_coefficients(scenario, world)
