@@ -56,9 +56,11 @@ from touchstone.reference_impl.core.rotation import (
     copy_quaternion,
     copy_vector,
     invert_symmetric,
+    plus,
     rotation_between,
     times,
     turn,
+    vector_of,
 )
 from touchstone.reference_impl.kinematics.skeleton import link_of, move_links, pose_links
 
@@ -367,5 +369,9 @@ def _advance(joints, driver, t, h, dt, share):
         driver["velocity"][i] += speed / (mass * h) * driver["push"][i]
         driver["velocity"][i] += spin / h * (w[j] * arm_k - w[k] * arm_j)
         driver["omega"][i] += spin / h * w[i]
-    x, y, z = turned_by / h * p[0], turned_by / h * p[1], turned_by / h * p[2]
-    turn(driver["orientation"], x, y, z, driver["orientation"])
+    if p[0] != 0 or p[1] != 0 or p[2] != 0:
+        # rotation vectors since the start add up, as the solver's velocities do: one after the other, a large
+        # return and a response that holds it would turn about a third axis
+        rotation_between(driver["old_orientation"], driver["orientation"], turned)
+        x, y, z = plus(vector_of(turned), turned_by / h, p)
+        turn(driver["old_orientation"], x, y, z, driver["orientation"])
