@@ -633,9 +633,6 @@ def _ask_positions(bodies, drivers, pair, h, state):
         pair["floor"] = NO_FLOOR
     if pair["floor"] != NO_FLOOR:
         gap = max(pair["distance"], -SINKING_DEPTH) + pair["gap_error"]
-        a, b, n = bodies[pair["body_a"]], bodies[pair["body_b"]], pair["normal"]
-        for i in range(3):
-            gap += n[i] * (b["curve"][i] - a["curve"][i])
         gap -= gap_aimed(pair, h, state)
         if is_joined(bodies, drivers, pair["body_a"]) or is_joined(bodies, drivers, pair["body_b"]):
             gap -= min(max(gap, -GAP_ERROR), GAP_ERROR)

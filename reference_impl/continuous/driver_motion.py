@@ -134,7 +134,9 @@ def coast(bodies, joints, driver, h, lead, dt):
     move_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
-        copy_vector(link["velocity"], link["lead_velocity"])
+        for i in range(3):
+            bend = 2 / h * link["curve"][i] if lead == 1 else 0.0
+            link["lead_velocity"][i] = link["velocity"][i] + bend
         copy_vector(link["omega"], link["lead_omega"])
     exchange_rates(joints, driver)
     v[0], v[1], v[2], w[0], w[1], w[2] = x, y, z, p, q, r
@@ -238,7 +240,8 @@ def note_paths(bodies, joints, driver, h, dt):
     move_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
-        copy_vector(link["velocity"], link["path_velocity"])
+        for i in range(3):
+            link["path_velocity"][i] = link["velocity"][i] + 2 / h * link["curve"][i]
         copy_vector(link["omega"], link["path_omega"])
         link["led"] = driver["leads"]
 
