@@ -135,8 +135,8 @@ def coast(bodies, joints, driver, h, lead, dt):
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
         for i in range(3):
-            bend = 2 / h * link["curve"][i] if lead == 1 else 0.0
-            link["lead_velocity"][i] = link["velocity"][i] + bend
+            curve = 2 / h * link["curve"][i] if lead == 1 else 0.0
+            link["lead_velocity"][i] = link["velocity"][i] + curve
         copy_vector(link["omega"], link["lead_omega"])
     exchange_rates(joints, driver)
     v[0], v[1], v[2], w[0], w[1], w[2] = x, y, z, p, q, r

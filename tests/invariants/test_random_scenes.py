@@ -117,7 +117,7 @@ SOLVED = {
     # links that stood on the floor sank into it in each substep, and 3 ms of a frame were not resolved
     ("balanced", "press"): (
         640076,
-        777416,  # a link whose path bends stuck where it does not: 10 % more work
+        777416,  # a link whose way curves stuck where it does not: 10 % more work
     ),
     ("balanced", "lift"): (2001133,),  # a hull of 5.6 g that 3.7 kg squeeze out at 36 m/s counted as exploded
     ("balanced", "drag"): (
