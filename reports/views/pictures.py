@@ -109,12 +109,14 @@ def strips(axes: Axes, rows: Sequence[str], points: pd.DataFrame, bounds: tuple[
         bounds: smaller and larger values are drawn at these.
     """
     engines = list(dict.fromkeys(points.engine))
-    for (row, engine), part in points.groupby(["row", "engine"], sort=False):
-        k, j = rows.index(row), engines.index(engine)
+    places = points["row"].map(list(rows).index)
+    for j, engine in enumerate(engines):
+        mine = points.engine == engine
         axes.plot(
-            np.clip(part.value.to_numpy(dtype=float), *bounds),
-            np.full(len(part), k + 0.68 / len(engines) * (j - len(engines) / 2 + 0.5)),
-            marker_of(engine), color=color_of(engine), markersize=4, alpha=0.7, markeredgewidth=0,
+            np.clip(points.value[mine].to_numpy(float), *bounds),
+            places[mine] + 0.68 / len(engines) * (j - len(engines) / 2 + 0.5),
+            marker_of(engine), color=color_of(engine), markersize=4, alpha=0.7,
+            markeredgewidth=0, linestyle="",
         )  # fmt: skip
     axes.set_xscale("log")
     axes.set_xlim(bounds[0] / 2, bounds[1] * 2)
