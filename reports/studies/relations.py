@@ -28,7 +28,7 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
 from touchstone.reports.runner.tasks import Task, played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
-from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, marker_of, open_axes
+from touchstone.reports.views.pictures import INK, PALE, engines_legend, figure, headline, strips
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.relations.changes import bare
@@ -289,29 +289,17 @@ FLOOR, CEILING = 1e-18, 10.0
 
 
 def deviations_picture(frame: pd.DataFrame, path: Path) -> None:
-    """Draw one row of markers per relation and engine, on a logarithmic axis."""
-    rows = scaled(frame)
-    engines = list(dict.fromkeys(rows.engine))
-    with figure(path, 8.6, 1.4 + 0.5 * len(NAMES)) as drawn:
+    """Draw one row of markers per relation that applies to a scene, and engine."""
+    rows = scaled(frame).rename(columns={"relation": "row", "scaled": "value"})
+    names = [name for name in NAMES if name in set(rows["row"])]
+    with figure(path, 8.6, 1.4 + 0.5 * len(names)) as drawn:
         axes = drawn.subplots()
-        for k, name in enumerate(NAMES):
-            for j, engine in enumerate(engines):
-                part = rows[(rows.relation == name) & (rows.engine == engine)].scaled.to_numpy(dtype=float)
-                places = np.full(len(part), k + 0.17 * (j - len(engines) / 2 + 0.5))
-                axes.plot(
-                    np.clip(part, FLOOR, CEILING), places, marker_of(engine), color=color_of(engine),
-                    markersize=4, alpha=0.7, markeredgewidth=0, label=engine if k == 0 else None,
-                )  # fmt: skip
+        strips(axes, names, rows[["row", "engine", "value"]], (FLOOR, CEILING))
         axes.axvline(HELD, color=PALE, linewidth=0.9, linestyle=":")
-        axes.set_xscale("log")
-        axes.set_xlim(FLOOR / 2, CEILING * 2)
-        axes.set_yticks(range(len(NAMES)), NAMES)
-        axes.set_ylim(len(NAMES) - 0.4, -0.6)
-        text = "deviation over the scene's size and its amplification [1]; dotted: rounding"
+        text = "deviation over the scene's size and its amplification [1]; dotted: rounding; left edge: 0"
         axes.set_xlabel(text, color=INK)
-        open_axes(axes, "x")
         headline(drawn, "Changed scenes: how far motions are from where they must be")
-        drawn.legend(loc="outside lower left", ncols=4, frameon=False)
+        engines_legend(drawn, dict.fromkeys(rows.engine))
 
 
 def scaled(frame: pd.DataFrame) -> pd.DataFrame:

@@ -41,12 +41,14 @@ from touchstone.reports.verdict.outcomes import (
 from touchstone.reports.views.pictures import (
     INK,
     PALE,
+    engines_legend,
     figure,
     headline,
     logarithmic,
     open_axes,
     panels,
     rows_for,
+    strips,
 )
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of, random_scene
@@ -176,7 +178,7 @@ def run(
         rows = [*missing_rows(STUDY, columns), *(judged(row, ()) for row in rows_of_runs(runs))]
         seeds = [task.seed for task in asked]
         facts = {"study": STUDY, "seeds": [min(seeds), max(seeds)] if seeds else []}
-        return kept(rows, folder, facts, {"robustness.png": lambda _, part: rise_over_residual(lines, part)})
+        return kept(rows, folder, facts, {"robustness.png": lambda _, part: picture(lines, part)})
 
 
 def rows_of_runs(runs: Sequence[Assessed]) -> list[Row]:
@@ -341,21 +343,48 @@ FAILED = ("hang", "non-finite", "exploded")
 TICKS = (1e-16, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3)
 
 
-def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
-    """Draw one panel per engine and profile. Engines that report no residual are drawn at its left edge."""
+def picture(runs: pd.DataFrame, path: Path) -> None:
+    """Draw the rise over the residual, or by kind of scene where engines are compared, which report none."""
     known = runs[runs.rise.notna() | runs.outcome.isin(FAILED)] if len(runs) else runs
-    parts = list(known.groupby(["engine", "profile"], sort=False)) if len(known) else []
+    several = len(known) and known.engine.nunique() > 1
+    (rise_by_kind if several else rise_over_residual)(known, path)
+
+
+RISE = "largest rise of energy in a frame, over that at the start [1]"
+
+
+def rise_by_kind(runs: pd.DataFrame, path: Path) -> None:
+    """Draw a marker per run, in a row per kind of scene and engine."""
+    kinds = [kind for kind in ALL_KINDS if kind in set(runs.kind)]
+    rises = pd.DataFrame({"row": runs.kind, "engine": runs.engine, "value": _drawn(runs.rise, CEILING)})
+    with figure(path, 8.6, 1.4 + 0.55 * len(kinds)) as drawn:
+        axes = drawn.subplots()
+        strips(axes, kinds, rises, (FLOOR, CEILING))
+        axes.set_xlim(FLOOR / 2, _end(rises.value, FIRST_ORDER.rise))
+        for bounds, style in ((EXACT, ":"), (FIRST_ORDER, "--")):
+            axes.axvline(bounds.rise, color=PALE, linewidth=0.9, linestyle=style)
+        text = "dotted: bound of the reference; dashed: of engines of first order; left edge: at most 1e-16"
+        axes.set_xlabel(f"{RISE}\n{text}", color=INK)
+        headline(drawn, "Random scenes: rise of energy")
+        engines_legend(drawn, dict.fromkeys(runs.engine))
+
+
+def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
+    """Draw one panel per engine and profile."""
+    parts = list(runs.groupby(["engine", "profile"], sort=False)) if len(runs) else []
+    right, top = _end(runs.residual, RESIDUAL_OPEN), _end(runs.rise, EXACT.rise)
     across = max(1, min(ACROSS, len(parts)))
     with figure(path, 5.2 * across + 0.6, 4.2 * rows_for(len(parts), across) + 1.3, 9.5) as drawn:
         grid = panels(drawn, len(parts), across, sharex=True, sharey=True)
         for axes, ((engine, profile), part) in zip(grid, parts):
             _panel(axes, part)
+            axes.set_xlim(FLOOR / 3, right)
+            axes.set_ylim(FLOOR / 3, top)
             axes.set_title(f"{engine}, {profile}: {len(part)} runs", loc="left", color=INK, fontsize=10)
         handles, labels = grid[0].get_legend_handles_labels() if grid else ([], [])
         drawn.legend(handles, labels, loc="outside lower left", ncols=6, frameon=False, markerscale=1.6)
         headline(drawn, "Random scenes: rise of energy and residual")
-        text = "largest rise of energy in a frame, over that at the start [1]"
-        drawn.supylabel(text, color=INK, fontsize=9.5)
+        drawn.supylabel(RISE, color=INK, fontsize=9.5)
 
 
 def _panel(axes: Axes, runs: pd.DataFrame) -> None:
@@ -370,9 +399,12 @@ def _panel(axes: Axes, runs: pd.DataFrame) -> None:
     axes.axhline(EXACT.rise, color=PALE, linewidth=0.8, linestyle=":")
     axes.set_xlabel("largest residual of a frame [m/s]", color=INK, fontsize=9)
     logarithmic(axes, TICKS, TICKS)
-    axes.set_xlim(FLOOR / 3, CEILING * 3)
-    axes.set_ylim(FLOOR / 3, CEILING * 3)
     open_axes(axes)
+
+
+def _end(values: pd.Series, bound: float) -> float:
+    """End of an axis: beyond all values, and a decade beyond the bound."""
+    return 3 * max([10 * bound, *_drawn(values, FLOOR)])
 
 
 def _drawn(values: pd.Series, unknown: float) -> np.ndarray:

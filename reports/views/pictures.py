@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from touchstone.adapters.registry import ENGINES
@@ -96,3 +99,33 @@ def logarithmic(axes: Axes, x: Sequence[float] = (), y: Sequence[float] = ()) ->
 def headline(found: Figure, text: str) -> None:
     """Write a title at the left, with a line of space below."""
     found.suptitle(f"{text}\n", x=0.01, ha="left", color=INK, fontsize=13, fontweight="bold")
+
+
+def strips(axes: Axes, rows: Sequence[str], points: pd.DataFrame, bounds: tuple[float, float]) -> None:
+    """Draw a row of markers per name and engine on a logarithmic axis.
+
+    Args:
+        points: columns `row`, `engine` and `value`.
+        bounds: smaller and larger values are drawn at these.
+    """
+    engines = list(dict.fromkeys(points.engine))
+    places = points["row"].map(list(rows).index)
+    for j, engine in enumerate(engines):
+        mine = points.engine == engine
+        axes.plot(
+            np.clip(points.value[mine].to_numpy(float), *bounds),
+            places[mine] + 0.68 / len(engines) * (j - len(engines) / 2 + 0.5),
+            marker_of(engine), color=color_of(engine), markersize=4, alpha=0.7,
+            markeredgewidth=0, linestyle="",
+        )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_xlim(bounds[0] / 2, bounds[1] * 2)
+    axes.set_yticks(range(len(rows)), rows)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    open_axes(axes, "x")
+
+
+def engines_legend(found: Figure, engines: Iterable[str]) -> None:
+    """Name the markers of engines below a figure."""
+    handles = [Line2D([], [], color=color_of(one), marker=marker_of(one), linestyle="") for one in engines]
+    found.legend(handles, list(engines), loc="outside lower left", ncols=6, frameon=False)

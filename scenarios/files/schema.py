@@ -159,8 +159,25 @@ def _message(one: Any, path: Path, model: type[BaseModel]) -> str:
             asked = one["input"].get("type") if isinstance(one["input"], dict) else None
             found = f"unknown type {asked!r}" if asked is not None else _no_shape(one["input"])
             return f"{found}{'' if found.endswith('?') else ';'} valid: {', '.join(shapes)}"
-    expected = one["msg"].removeprefix("Input should be ")
-    return f"found {_short(one['input'])}, expected {expected[:1].lower()}{expected[1:]}"
+        case "tuple_type":
+            expected = _list_of(one["loc"], model)
+        case "too_long":
+            expected = f"at most {one['ctx']['max_length']} values"
+        case "model_type":
+            expected = "a table of fields"
+        case _:
+            said = one["msg"].removeprefix("Input should be ")
+            expected = f"{said[:1].lower()}{said[1:]}"
+    return f"found {_short(one['input'])}, expected {expected}"
+
+
+def _list_of(place: tuple[Any, ...], model: Any) -> str:
+    """What a field holds whose value is a list: of so many numbers, if the field says how many."""
+    inner = _model_at(place, model)
+    hint = inner.model_fields[place[-1]].annotation if inner and place[-1] in inner.model_fields else None
+    parts = get_args(hint)
+    numbers = all(float in (part, *get_args(part)) for part in parts)
+    return f"a list of {len(parts)} numbers" if parts and numbers else "a list"
 
 
 def _unknown(name: object, valid: list[str]) -> str:
@@ -184,6 +201,12 @@ def _short(value: Any) -> str:
 
 def _valid_fields(place: tuple[Any, ...], model: Any) -> list[str]:
     """Fields of the model in which an unknown field was found."""
+    inner = _model_at(place, model)
+    return list(inner.model_fields) if inner is not None else []
+
+
+def _model_at(place: tuple[Any, ...], model: Any) -> Any:
+    """The model of which the last name of a place is a field."""
     for key in place[:-1]:
         if isinstance(key, int) or model is None:
             continue
@@ -191,7 +214,7 @@ def _valid_fields(place: tuple[Any, ...], model: Any) -> list[str]:
             model = model_of(SHAPE_TYPES[key])
         elif key in model.model_fields:
             model = _inner_model(model.model_fields[key].annotation)
-    return list(model.model_fields) if model is not None else []
+    return model
 
 
 def _inner_model(hint: Any) -> Any:

@@ -16,8 +16,8 @@ from touchstone.reports.studies.robustness import (
     SeededTask,
     assess,
     line,
+    picture,
     report,
-    rise_over_residual,
     run,
     short,
     table_of_runs,
@@ -191,10 +191,11 @@ def test_what_is_shown(fakes, shown):
 
 
 def test_the_picture_is_drawn_of_few_or_none(fakes, tmp_path):
-    """Draw runs without residual, without rise, and no runs at all."""
+    """Draw runs without residual, without rise, of two engines, and no runs at all."""
     asked = [SeededTask("reference", SETTINGS, TOWER)] * 2
     found = [assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("silent", "not finite")]
     runs = table_of_runs(list(zip(asked, found)))
-    for k, part in enumerate((runs, runs[:0])):
-        rise_over_residual(part, tmp_path / f"{k}.png")
+    engines = runs.assign(engine=["reference", "dart"], rise=[1e-9, np.inf])
+    for k, part in enumerate((runs, engines, runs[:0])):
+        picture(part, tmp_path / f"{k}.png")
         assert (tmp_path / f"{k}.png").read_bytes().startswith(b"\x89PNG")

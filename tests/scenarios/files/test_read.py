@@ -67,6 +67,13 @@ def test_a_short_file_is_a_whole_scene(scene):
         ('"simulated"', '"simulatd"', "7: bodies[0].kind: found 'simulatd', expected 'fixed', 'sim"),
         ("duration = 1.0", 'duration = "1"', "2: duration: found '1', expected a valid number"),
         ("duration = 1.0\n", "", "1: duration: missing"),
+        ("duration", "gravity = 9.81\nduration", "2: gravity: found 9.81, expected a list of 3 numbers"),
+        (
+            *("duration", "gravity = [0, 0, 1, 2]\nduration"),
+            "2: gravity: found [0, 0, 1, 2], expected at most 3 ",
+        ),
+        ("duration", "trackers = [3]\nduration", "2: trackers[0]: found 3, expected a table of fields"),
+        ("duration", "trackers = 3\nduration", "2: trackers: found 3, expected a list"),
         ("radius = 0.05", "radius = -1.0", "10: bodies[0].pieces[0].shape.radius: found -1.0"),
         (
             *("radius = 0.05", "radus = 0.05"),
