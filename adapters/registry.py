@@ -61,6 +61,11 @@ def available() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*OURS, *declared(), *ENGINES)))
 
 
+def recalled(name: str) -> str:
+    """The name of an engine of a stored run, which is registered if it is still known."""
+    return registered(name) if name in OURS or name in declared() else name
+
+
 def registered(name: str) -> str:
     """Name under which ENGINES has the engine; registers one that is asked for first.
 
