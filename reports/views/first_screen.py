@@ -104,7 +104,8 @@ def _worst(found: Found, columns: Sequence[Column]) -> Part:
         *(f"{topic.name}\n{topic.unit}" for topic in TOPICS[:-1]),
         "time over\nfastest",
     ]
-    worst, rows = worst_of(found, columns), []
+    worst = worst_of(found, columns)
+    rows: list[list[str | Text]] = []
     for column in columns:
         cells = [_cell(worst.get((LIMITS, column)))]
         for topic in TOPICS:
