@@ -61,6 +61,11 @@ def available() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*OURS, *declared(), *ENGINES)))
 
 
+def recalled(name: str) -> str:
+    """The name of an engine of a stored run, which is registered if it is still known."""
+    return registered(name) if name in OURS or name in declared() else name
+
+
 def registered(name: str) -> str:
     """Name under which ENGINES has the engine; registers one that is asked for first.
 
@@ -141,14 +146,15 @@ def missing_reason(name: str) -> str:
 def load(name: str) -> Engine:
     """Load the engine called `name`; raises NotInstalled with the package that pip installs, and ImportError
     with what is wrong with its environment."""
-    if not _found(name):
-        place = packages_of(name)
-        raise NotInstalled(f"not found in this process, but in {place}" if place else missing_reason(name))
+    place = packages_of(name)
     try:
+        if not _found(name):
+            reason = f"not found in this process, but in {place}" if place else missing_reason(name)
+            raise NotInstalled(reason)
         engine: Engine = _named(_entry(name).implementation)()
-    except ImportError as error:
+    except (ImportError, NotInstalled) as error:
         own = own_environment(name)
-        if own is None or not (fault := own.fault()):
+        if place is None or own is None or not (fault := own.fault()):
             raise
         raise ImportError(f"its environment is broken: {fault} (touchstone env add {name})") from error
     return engine

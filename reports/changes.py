@@ -32,6 +32,7 @@ import pyarrow
 
 from touchstone.adapters.contract import MISSING, UNIMPORTABLE
 from touchstone.adapters.recording import Recording, RecordingError, load
+from touchstone.adapters.registry import recalled
 from touchstone.reports.machine import machine
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import COLUMNS, NUMBERS, UNJUDGED
@@ -98,10 +99,11 @@ def recordings_of(folder: Path) -> Iterator[tuple[Path, Recording]]:
 
 
 def label_of(path: Path, recording: Recording) -> tuple[str, str, str]:
-    """Scene, engine and label (profile and what was changed in it) of a recording, from its file's name."""
+    """Scene, engine and label (profile and what was changed in it) of a recording, from its file's name; the
+    engine is registered."""
     scene = str(json.loads(recording.scenario)["name"])
     facts = recording.facts
-    engine, profile = str(facts["engine"]), str(facts["profile"])
+    engine, profile = recalled(str(facts["engine"])), str(facts["profile"])
     rest = path.stem.removeprefix(f"{scene}-{engine}-")
     changed = rest.removeprefix(profile) if rest.startswith(profile) else ""
     return scene, engine, profile + changed.replace("+", ", ", 1)

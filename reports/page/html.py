@@ -146,11 +146,15 @@ class Content:
     studies: pd.DataFrame | None = None
 
     def columns(self) -> list[Column]:
-        """The first column of each engine that played: its own profile."""
+        """All columns."""
+        found = dict.fromkeys(zip(self.frame.engine, self.frame.profile))
+        return [column for column in found if column[0] != "all"]
+
+    def first_columns(self) -> list[Column]:
+        """The first column of each engine: its own profile."""
         found: dict[str, Column] = {}
-        for engine, profile in zip(self.frame.engine, self.frame.profile):
-            if engine != "all":
-                found.setdefault(engine, (engine, profile))
+        for column in self.columns():
+            found.setdefault(column[0], column)
         return list(found.values())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from html import escape
@@ -15,12 +16,13 @@ from touchstone.reports.views.matrix import (
     LIMITS,
     TOPICS,
     Entry,
+    Found,
     by_cause,
     cause_of,
-    entries,
     missed_line,
     plural,
     shown,
+    worst_of,
 )
 from touchstone.reports.views.tables import MARKS, Column, quantity
 
@@ -64,19 +66,16 @@ def facts(entry: Entry) -> dict[str, object]:
     return {**head, "facts": [*facts, *others], "command": again}
 
 
-def table(
-    scenes: dict[str, list[Row]], columns: Sequence[Column]
-) -> tuple[str, dict[str, dict[str, object]]]:
+def table(found: Found, columns: Sequence[Column]) -> tuple[str, dict[str, dict[str, object]]]:
     """The matrix as HTML, and the details of its cells by their id."""
     cells: dict[str, dict[str, object]] = {}
     body = []
-    for scene, rows in scenes.items():
-        found = entries(rows, columns)
+    for scene, mine in found.items():
         line = []
         for topic in (LIMITS, *(topic.name for topic in TOPICS)):
             for number_of, column in enumerate(columns):
                 edge = " first" if not number_of else ""
-                entry = found.get((topic, column))
+                entry = mine.get((topic, column))
                 if entry is None:
                     line.append(f'<td class="none{edge}">-</td>')
                     continue
@@ -87,7 +86,46 @@ def table(
     return f'<table class="matrix">{_head(columns)}<tbody>{"".join(body)}</tbody></table>', cells
 
 
-def _cell(entry: Entry, edge: str, topic: str) -> str:
+def worst_part(found: Found, columns: Sequence[Column]) -> str:
+    """A row for each column with its worst scene in each topic; "" where the matrix has one row or column."""
+    if len(found) < 2 or len(columns) < 2:
+        return ""
+    worst, body = worst_of(found, columns), []
+    for column in columns:
+        line = []
+        for topic in (LIMITS, *(topic.name for topic in TOPICS)):
+            entry = worst.get((topic, column))
+            if entry is None:
+                line.append('<td class="none">-</td>')
+                continue
+            if topic == LIMITS:
+                mark = f" <b>{escape(entry.mark)}</b>" if entry.mark else ""
+                value = f'<span class="value">{escape(entry.text)}</span>'
+                line.append(f'<td class="{escape(entry.verdict)} counted">{value}{mark}</td>')
+                continue
+            seen = entry.text != "-" or entry.mark
+            scene = Linked(entry.row.scenario, scene=entry.row.scenario).html if seen else ""
+            line.append(_cell(entry, "", topic, scene))
+        body.append(
+            f'<tr data-engine="{escape(column[0])}"><th scope="row">{_name(column)}</th>{"".join(line)}</tr>'
+        )
+    heads = [
+        ("limits met", ""),
+        *((topic.name, topic.unit) for topic in TOPICS[:-1]),
+        ("time", "over the fastest"),
+    ]
+    names = "".join(f'<th scope="col">{name} <small>{unit}</small></th>' for name, unit in heads)
+    head = f"<thead><tr><td></td>{names}</tr></thead>"
+    table = f'<table class="matrix worst">{head}<tbody>{"".join(body)}</tbody></table>'
+    return f'<section><h2>The worst of each engine</h2><div class="wide">{table}</div></section>'
+
+
+def _name(column: Column) -> str:
+    engine, profile = column
+    return f"{escape(engine)} <small>{escape(profile)}</small>"
+
+
+def _cell(entry: Entry, edge: str, topic: str, scene: str = "") -> str:
     verdict = entry.verdict or "plain"
     said = f"{entry.row.scenario}, {entry.row.engine}, {topic}: {entry.text} {entry.mark}".strip()
     mark = f" <b>{escape(entry.mark)}</b>" if entry.mark else ""
@@ -97,12 +135,15 @@ def _cell(entry: Entry, edge: str, topic: str) -> str:
         f'<button type="button" data-cell="{escape(entry.id)}" aria-label="{escape(said)}" '
         f'title="{escape(title(entry))}">'
         f'<span class="value">{escape(entry.text)}</span><span class="apart">{escape(apart)}</span>{mark}'
-        "</button></td>"
+        f"</button>{scene}</td>"
     )
 
 
-def _head(columns: Iterable[Column]) -> str:
-    names = [f'<th scope="col" title="{escape(p)}">{escape(e)}</th>' for e, p in columns]
+def _head(columns: Sequence[Column]) -> str:
+    counts = Counter(engine for engine, _ in columns)
+    shown = [_name(column) if counts[column[0]] > 1 else escape(column[0]) for column in columns]
+    titles = [escape(profile) for _, profile in columns]
+    names = [f'<th scope="col" title="{p}"><span>{name}</span></th>' for name, p in zip(shown, titles)]
     heads = [(LIMITS, "met"), *((topic.name, topic.unit) for topic in TOPICS)]
     groups = "".join(
         f'<th scope="colgroup" colspan="{len(names)}">{name} <small>{unit}</small></th>'

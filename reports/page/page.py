@@ -16,7 +16,7 @@ from touchstone.reports.page.html import Content, fold, rows_by_scene
 from touchstone.reports.page.playback import ALARM
 from touchstone.reports.page.sections import studies_part
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.views.matrix import SCALE
+from touchstone.reports.views.matrix import SCALE, entries
 from touchstone.reports.views.tables import LEGEND
 
 MOST_PLAYBACK = 3_500_000
@@ -44,7 +44,8 @@ def page(content: Content) -> str:
     scenes = rows_by_scene(content.frame)
     playback = within_budget(content.playback)
     columns = content.columns()
-    table, cells = matrix.table(scenes, columns)
+    found = {scene: entries(rows, columns) for scene, rows in scenes.items()}
+    table, cells = matrix.table(found, columns)
     style, script = _asset("page.css") + _colors(), _asset("player.js") + _asset("page.js")
     policy = (
         f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; img-src data:; "
@@ -69,6 +70,7 @@ def page(content: Content) -> str:
         verdict=escape(content.verdict),
         changes=matrix.changes_part(content.changes, scenes),
         broken=matrix.broken_part(rows_of(content.frame), scenes),
+        worst=matrix.worst_part(found, columns),
         matrix=_matrix(table) if scenes else "",
         playback=_player(playback) if playback else "",
         parts="".join(parts),

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import Array
+from touchstone.adapters.motion_bounds import extent
 from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.scenario import (
     Box,
@@ -68,7 +69,7 @@ def packed(scenario: Scenario, played: Mapping[tuple[str, str], Context]) -> dic
         "rate": scenario.frame_rate,
         "middle": middle.tolist(),
         "step": step,
-        "size": _size(played, moving),
+        "size": _size(scenario, played, moving),
         "alarm": int(_coded(np.array([ALARM]))[0]),
         "moving": moving,
         "bodies": [
@@ -96,13 +97,14 @@ def _extent(played: Mapping[tuple[str, str], Context], moving: list[int]) -> tup
     return middle, float(min(FARTHEST, np.abs(points - middle).max()))
 
 
-def _size(played: Mapping[tuple[str, str], Context], moving: list[int]) -> float:
-    """Radius about the middle in which moving bodies mostly are [m], for the camera."""
+def _size(scenario: Scenario, played: Mapping[tuple[str, str], Context], moving: list[int]) -> float:
+    """Radius about the middle in which moving bodies mostly are, to their far ends [m], for the camera."""
     first = next(iter(played.values())).recording.position[:, moving].reshape(-1, 3)
     if not len(first):
         return 1.0
     off = np.linalg.norm(first - np.median(first, axis=0), axis=1)
-    return float(np.clip(np.percentile(off, 90), 0.15, 4.0))
+    ends = [max(map(extent, scenario.bodies[k].pieces), default=0.0) for k in moving]
+    return float(np.clip(np.percentile(off, 90) + np.median(ends), 0.15, 4.0))
 
 
 def _piece(piece: Piece) -> dict[str, Any]:

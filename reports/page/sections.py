@@ -88,7 +88,7 @@ MOST_TABLES = 1_000_000
 def charts_part(content: Content) -> str:
     """Charts over all scenes; a sentence where the libraries are missing; "" where there is nothing to
     compare: with few scenes the matrix says it."""
-    columns = content.columns()
+    columns = content.first_columns()
     if len(columns) < 2 or content.frame.scenario.nunique() < charts.LEAST_SCENES:
         return ""
     try:

@@ -75,7 +75,8 @@ class Timed:
     @property
     def at_own_step(self) -> bool:
         """Whether the step is that of the profile."""
-        own = ENGINES[self.engine].profiles.get(self.profile, 0.0)
+        entry = ENGINES.get(self.engine)  # not of an engine of a stored run that is no longer known
+        own = entry.profiles.get(self.profile, 0.0) if entry else 0.0
         return abs(own - self.dt) < 1e-9 * self.dt
 
 

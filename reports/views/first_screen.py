@@ -13,11 +13,23 @@ from touchstone.reports.runner.reproduce import reproduce
 from touchstone.reports.views.apart import TITLE as APART
 from touchstone.reports.views.apart import apart_table
 from touchstone.reports.views.losses import loss_rows
-from touchstone.reports.views.matrix import LIMITS, TOPICS, Entry, by_cause, entries, plural, verdict_of
+from touchstone.reports.views.matrix import (
+    LIMITS,
+    TOPICS,
+    Entry,
+    Found,
+    by_cause,
+    entries,
+    plural,
+    verdict_of,
+    worst_of,
+)
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import MARKS, Column, columns_of, quantity
 from touchstone.reports.views.terminal import SCENES_IN_FULL, STYLES
 
+LINES, CROWDED = 40, 6
+"""Lines of a scene and column each, and columns beside each other, that are read at a glance [1]."""
 NAMED = 1
 """Metrics of a run that a line of the matrix names; those beyond are counted."""
 BROKEN_SHOWN = 12
@@ -34,6 +46,7 @@ NOTE_OF_MANY = (
     + ", ".join(f"{letter} {name}" for name, letter in LETTERS.items())
     + "), and the median frame [µs]"
 )
+NOTE_OF_WORST = "each figure with the scene in which it is worst; page and --details have all scenes"
 
 
 def first_screen(frame: pd.DataFrame, folder: Path) -> list[Part]:
@@ -47,14 +60,17 @@ def first_screen(frame: pd.DataFrame, folder: Path) -> list[Part]:
     some = next(iter(scenes), "SCENE")
     tables = f"a scene's table: touchstone run {some}; all tables: --details"
     return [
-        (_scenes if len(scenes) <= SCENES_IN_FULL else _many)(found, columns),
+        _matrix(found, columns),
         Part(lines=[Text(verdict_of(frame)[1], style="bold"), *_broken_lines(rows)], wrap=True),
         Part(lines=[*_known_lines(rows, columns), *_absent_lines(rows), *_lost_lines(frame), ""], wrap=True),
         Part(notes=[f"page: {folder / 'report.html'}; {tables}"]),
     ]
 
 
-Found = dict[str, dict[tuple[str, Column], Entry]]
+def _matrix(found: Found, columns: Sequence[Column]) -> Part:
+    if len(found) <= SCENES_IN_FULL and len(found) * len(columns) <= LINES:
+        return _scenes(found, columns)
+    return (_many if len(columns) <= CROWDED else _worst)(found, columns)
 
 
 def _scenes(found: Found, columns: Sequence[Column]) -> Part:
@@ -78,6 +94,25 @@ def _many(found: Found, columns: Sequence[Column]) -> Part:
         [scene, *(_summary(mine, column) for column in columns)] for scene, mine in found.items()
     ]
     return Part("", heads, rows, [LEGEND, NOTE_OF_MANY], tight=True)
+
+
+def _worst(found: Found, columns: Sequence[Column]) -> Part:
+    """A line for each column, with its worst scene in each topic."""
+    heads = [
+        "engine",
+        "met\n",
+        *(f"{topic.name}\n{topic.unit}" for topic in TOPICS[:-1]),
+        "time over\nfastest",
+    ]
+    worst = worst_of(found, columns)
+    rows: list[list[str | Text]] = []
+    for column in columns:
+        cells = [_cell(worst.get((LIMITS, column)))]
+        for topic in TOPICS:
+            entry = worst.get((topic.name, column))
+            cells.append(_cell(entry).append(f" {entry.row.scenario}" if entry else "", style="dim"))
+        rows.append([" ".join(column), *cells])
+    return Part("", heads, rows, [LEGEND, NOTE_OF_WORST], tight=True)
 
 
 def _cell(entry: Entry | None) -> Text:

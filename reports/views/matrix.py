@@ -69,7 +69,8 @@ MISSED = ("fail", "error", "unjudged", "known")
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A cell: its row, texts and shade, and rows of its topic that miss a limit; `id` is its deep link."""
+    """A cell: its row, texts and shade, and rows of its topic that miss a limit; `id` is its deep link, `met`
+    how many limits are met, and of how many."""
 
     row: Row
     text: str
@@ -77,6 +78,7 @@ class Entry:
     shade: int = 0
     missed: tuple[Row, ...] = ()
     subjects: int = 1
+    met: tuple[int, int] = (0, 0)
 
     @property
     def id(self) -> str:
@@ -141,9 +143,48 @@ def _limit_entries(
         elif column in counts and counts[column].limits:
             count = counts[column]
             base = replace(some[0], metric=LIMITS, subject="", verdict="pass", reason="", limit=inf)
-            text = f"{count.verdicts['pass']}/{sum(count.verdicts[name] for name in WORST_LAST)}"
-            found[LIMITS, column] = Entry(base, text, missed=tuple(gravest(some)))
+            met = count.verdicts["pass"], sum(count.verdicts[name] for name in WORST_LAST)
+            found[LIMITS, column] = Entry(base, "/".join(map(str, met)), missed=tuple(gravest(some)), met=met)
     return found
+
+
+Found = dict[str, dict[tuple[str, Column], Entry]]
+"""Cells by scene."""
+
+
+def worst_of(found: Found, columns: Sequence[Column]) -> dict[tuple[str, Column], Entry]:
+    """The worst cell of each topic and column in any scene, by the gravest verdict, then by the share of the
+    value where its colour begins; a time is shown over the fastest one of its scene. Limits are counted."""
+    worst: dict[tuple[str, Column], Entry] = {}
+    for column in columns:
+        counts = [mine[LIMITS, column] for mine in found.values() if (LIMITS, column) in mine]
+        if counts:
+            met = sum(one.met[0] for one in counts), sum(one.met[1] for one in counts)
+            missed = gravest(row for one in counts for row in one.missed)
+            text = "/".join(map(str, met)) if met[1] else counts[0].text
+            worst[LIMITS, column] = replace(counts[0], text=text, missed=tuple(missed), met=met)
+        for topic in TOPICS:
+            cells = [
+                _measured(mine, (topic.name, column))
+                for mine in found.values()
+                if (topic.name, column) in mine
+            ]
+            if cells:
+                worst[topic.name, column] = max(cells, key=lambda one: one[0])[1]
+    return worst
+
+
+def _measured(
+    mine: Mapping[tuple[str, Column], Entry], key: tuple[str, Column]
+) -> tuple[tuple[int, float], Entry]:
+    """How bad a cell of a scene is, and the cell with the text of `worst_of`."""
+    cell = mine[key]
+    grave, size = weight(replace(cell.row, verdict=cell.verdict))
+    if not cell.row.metric.startswith("time."):
+        return (grave, size / colour_start(cell.row)), cell
+    times = [one.row.value for (topic, _), one in mine.items() if topic == key[0] and one.row.value > 0]
+    ratio = size / min(times) if times else size
+    return (grave, ratio), replace(cell, text=f"{number(ratio)}×")  # noqa: RUF001
 
 
 def gravest(rows: Iterable[Row]) -> list[Row]:

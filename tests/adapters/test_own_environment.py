@@ -1,5 +1,6 @@
 """Environments of their own: made from a folder of wheels, whole or absent, and found by children alone."""
 
+import shutil
 from dataclasses import replace
 from importlib.metadata import version
 from types import SimpleNamespace
@@ -70,3 +71,6 @@ def test_a_broken_environment_is_named(owned):
     (owned.folder / f"{CONFLICTING}-99.0.dist-info").rename(owned.folder / "gone")
     file.write_text(ADAPTER)
     assert owned.fault() == f"{CONFLICTING}==99.0 is missing"
+    shutil.rmtree(file.parent)
+    said = "its environment is broken: owned_physics: owned_physics/__init__.py is missing or changed"
+    assert f"{said} (touchstone env add owned)" in try_imports(["owned"])["owned"].text

@@ -243,6 +243,16 @@ def test_many_scenes_have_a_line_each():
     assert line_of(lines, "thrown") == ["thrown", "error", "✗", "-"]
 
 
+def test_many_columns_have_a_line_each_with_their_worst_scene(monkeypatch):
+    """Where a matrix would not be read at a glance, each column has its limits, and its worst scenes."""
+    monkeypatch.setattr(first_screen, "LINES", 3)
+    monkeypatch.setattr(first_screen, "CROWDED", 1)
+    lines = printed([*played("fall"), *played("slide", 4e-3, "known", reason="it sinks")])
+    dart = line_of(lines, "dart")
+    assert dart[:7] == ["dart", "recommended", "3/4", "†", "4.00", "†", "slide"]
+    assert line_of(lines, "reference")[2:5] == ["4/4", "0", "fall"]
+
+
 def test_what_is_broken_comes_once_per_cause_with_its_command():
     """The worst place of a cause, the others, and the command that repeats it; known failings are counted."""
     rows = [

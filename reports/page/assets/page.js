@@ -75,29 +75,51 @@ function follow() {
   if (link.has("play")) show(link.get("play"), Number(link.get("frame") ?? 0));
 }
 
-// Columns of a matrix by ticking: each engine has one in every group.
-function columns(table) {
-  const [groups, heads] = table.tHead.rows, count = groups.cells[1].colSpan;
-  if (count < 2) return;
+// A box for each name; what is ticked is shown, and one at least is.
+function ticks(title, names, ticked, show) {
   const choice = document.createElement("fieldset"), boxes = [];
-  choice.append(Object.assign(document.createElement("legend"), { textContent: "Engines" }));
-  for (const head of [...heads.cells].slice(1, count + 1)) {
+  choice.append(Object.assign(document.createElement("legend"), { textContent: title }));
+  names.forEach((name, k) => {
     const label = document.createElement("label"), box = document.createElement("input");
-    Object.assign(box, { type: "checkbox", checked: true });
-    label.append(box, ` ${head.textContent} ${head.title}`);
+    Object.assign(box, { type: "checkbox", checked: ticked(k) });
+    label.append(box, ` ${name}`);
     choice.append(label);
     boxes.push(box);
-  }
+  });
   choice.addEventListener("change", (event) => {
     if (!boxes.some((box) => box.checked)) event.target.checked = true;
-    for (const row of [heads, ...table.tBodies[0].rows])
-      [...row.cells].slice(1).forEach((cell, k) => (cell.hidden = !boxes[k % count].checked));
-    for (const group of [...groups.cells].slice(1)) group.colSpan = boxes.filter((box) => box.checked).length;
+    show();
   });
-  table.closest("section")?.querySelector(".bar")?.append(choice);
+  return { choice, boxes };
 }
 
-// Scenes by the figures of a column, the largest first, and back: a head is a button. "16/18" counts as 2.
+// Columns of the matrix by ticking: each engine has one in every group of figures. The table of the worst has its row,
+// the player its panel. Groups that make too wide a table are not ticked at first.
+const WIDE = 25, CROWDED = 6;
+function columns(table) {
+  const [groups, heads] = table.tHead.rows, count = groups.cells[1].colSpan, names = [...groups.cells].slice(1);
+  const engines = [...heads.cells].slice(1, count + 1).map((head) => head.textContent);
+  const worst = [...document.querySelectorAll(".worst tbody tr")];
+  table.classList.toggle("crowded", count > CROWDED);
+  const show = () => {
+    const shown = columned.boxes.map((box) => box.checked), kinds = figures.boxes.map((box) => box.checked);
+    for (const row of [heads, ...table.tBodies[0].rows])
+      [...row.cells].slice(1).forEach((cell, k) => (cell.hidden = !shown[k % count] || !kinds[Math.floor(k / count)]));
+    names.forEach((group, k) => Object.assign(group, { hidden: !kinds[k], colSpan: shown.filter(Boolean).length }));
+    worst.forEach((row, k) => (row.hidden = !shown[k]));
+    const names_of = (on) => engines.filter((_, k) => shown[k] === on).map((name) => name.split(" ")[0]);
+    window.touchstone.hidden = new Set(names_of(false).filter((name) => !names_of(true).includes(name)));
+    window.touchstone.player?.choose();
+  };
+  const columned = ticks("Engines", engines, () => true, show);
+  const figures = ticks("Figures", names.map((group) => group.textContent), (k) => !k || (k + 1) * count <= WIDE, show);
+  const bar = pick(".choice");
+  if (count > 1) bar.append(columned.choice);
+  bar.append(figures.choice);
+  show();
+}
+
+// Rows by the figures of a column, the largest first, and back: a head is a button. "16/18" counts as 2.
 function sorts(table) {
   const body = table.tBodies[0], first = [...body.rows];
   const figure = (row, k) => {
@@ -106,9 +128,9 @@ function sorts(table) {
     const found = of === undefined ? parseFloat(text.replace("<", "")) : of - met;
     return Number.isNaN(found) ? -Infinity : found;
   };
-  [...table.tHead.rows[1].cells].forEach((head, k) => {
+  [...[...table.tHead.rows].at(-1).cells].forEach((head, k) => {
     if (!k) return;
-    Object.assign(head, { tabIndex: 0, title: `${head.title}; sorts scenes` });
+    Object.assign(head, { tabIndex: 0, title: `${head.title} sorts by this column`.trim() });
     const sort = () => {
       const back = head.ariaSort === "descending";
       table.querySelectorAll("[aria-sort]").forEach((other) => other.removeAttribute("aria-sort"));
@@ -121,7 +143,7 @@ function sorts(table) {
 }
 
 function matrix(table) {
-  columns(table);
+  if (table.tHead.rows.length > 1) columns(table);
   sorts(table);
   table.querySelectorAll("tbody button").forEach((cell, k) => (cell.tabIndex = k ? -1 : 0));
   table.addEventListener("click", (event) => {
@@ -129,7 +151,7 @@ function matrix(table) {
     if (cell) open(cell.dataset.cell);
   });
   table.addEventListener("keydown", (event) => {
-    const cells = [...table.querySelectorAll("tbody td:not([hidden]) button")];
+    const cells = [...table.querySelectorAll("tbody tr:not([hidden]) td:not([hidden]) button")];
     const at = cells.indexOf(document.activeElement);
     const row = document.activeElement.closest("tr");
     if (at < 0 || !row) return;

@@ -218,6 +218,7 @@ function programOf(gl, vertex, fragment) {
   return { program, at };
 }
 
+const MOST_BESIDE = 5; // panels beside each other on a wide screen
 const CONTACT = [0.86, 0.08, 0.24];
 const KIND = { driven: [0.27, 0.47, 0.67], prescribed: [0.55, 0.48, 0.67], simulated: [0.93, 0.68, 0.25] };
 const OVERLAP = [0.8, 0.1, 0.35];
@@ -375,9 +376,23 @@ class Player {
     return { matrix: mul(lens, look), eye, right, up };
   }
 
+  // Numbers of the engines that have a panel: those that are ticked beside the matrix, or all.
+  shown() {
+    const all = this.scene.engines.map((_, k) => k);
+    const found = all.filter((k) => !window.touchstone.hidden?.has(this.scene.engines[k].engine));
+    return found.length ? found : all;
+  }
+
+  choose() {
+    if (!this.scene) return;
+    this.describe();
+    this.show();
+  }
+
   panels() {
-    const n = this.scene.engines.length, columns = this.canvas.clientWidth >= 900 ? n : Math.min(n, 2);
-    return { columns, rows: Math.ceil(n / columns) };
+    const n = this.shown().length, most = this.canvas.clientWidth >= 900 ? MOST_BESIDE : 2;
+    const rows = Math.ceil(n / most);
+    return { columns: Math.ceil(n / rows), rows };
   }
 
   draw() {
@@ -433,7 +448,7 @@ class Player {
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.enable(gl.SCISSOR_TEST);
     gl.enable(gl.DEPTH_TEST);
-    this.scene.engines.forEach((one, k) => {
+    this.shown().forEach((number, k) => {
       const column = k % columns, row = Math.floor(k / columns), gap = Math.max(1, Math.round(scale));
       const x = Math.round((column * width) / columns), right = Math.round(((column + 1) * width) / columns);
       const h = Math.floor(height / rows), y = height - (row + 1) * h;
@@ -442,7 +457,7 @@ class Player {
       gl.scissor(...cell);
       gl.clearColor(...this.sky, 1);
       gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-      this.drawEngine(one, k, this.camera(cell[2] / cell[3]), scale);
+      this.drawEngine(this.scene.engines[number], number, this.camera(cell[2] / cell[3]), scale);
     });
   }
 
@@ -573,8 +588,8 @@ class Player {
     this.scrubber.value = frame;
     this.scrubber.setAttribute("aria-valuetext", `${(frame / this.scene.rate).toFixed(3)} s`);
     this.clock.textContent = `${(frame / this.scene.rate).toFixed(3)} s · frame ${frame} of ${this.frames - 1}`;
-    this.scene.engines.forEach((one, k) => {
-      const at = Math.min(frame, one.f - 1), count = one.first[at + 1] - one.first[at];
+    this.shown().forEach((number, k) => {
+      const one = this.scene.engines[number], at = Math.min(frame, one.f - 1), count = one.first[at + 1] - one.first[at];
       const ended = frame > one.f - 1 ? ` · ended: ${one.ended}` : "";
       this.labels.children[k].lastChild.textContent =
         `overlap ${millimetres(one.deepest[at])} · ${count} contact${count === 1 ? "" : "s"}${ended}`;
@@ -583,7 +598,9 @@ class Player {
 
   // Labels of the panels, the strip of overlap over time, and the buttons that jump.
   describe() {
-    this.labels.replaceChildren(...this.scene.engines.map((one) => {
+    const engines = this.shown().map((k) => this.scene.engines[k]);
+    this.canvas.parentNode.dataset.rows = this.panels().rows;
+    this.labels.replaceChildren(...engines.map((one) => {
       const label = document.createElement("div"), name = document.createElement("b"), state = document.createElement("span");
       name.textContent = `${one.engine} ${one.profile}`;
       name.dataset.engine = one.engine;
@@ -607,7 +624,7 @@ class Player {
       return button;
     };
     const time = (frame) => `${(frame / this.scene.rate).toFixed(2)} s`;
-    const deepest = this.scene.engines.filter((one) => one.worst_depth > 0);
+    const deepest = engines.filter((one) => one.worst_depth > 0);
     jumps.replaceChildren(...deepest.map((one) =>
       jump(`Worst overlap ${one.engine}: ${millimetres(one.worst_depth)} at ${time(one.worst)}`, one.worst, one.worst_at)));
     if (this.scene.apart.length) {
@@ -615,7 +632,7 @@ class Player {
       jumps.append(jump(
         `Largest disagreement: ${this.scene.apart_body}, ${metres(this.scene.apart[frame])} at ${time(frame)}`, frame, null));
     }
-    this.strip = strip(this.root.querySelector(".strip"), this.scene, this.frames, this.colors);
+    this.strip = strip(this.root.querySelector(".strip"), this.scene, engines, this.frames, this.colors);
   }
 
   listen() {
@@ -682,7 +699,7 @@ const millimetres = (value) => {
 };
 
 // Overlap of every engine over time on a logarithmic axis; a click moves the clock.
-function strip(svg, scene, frames, colors) {
+function strip(svg, scene, engines, frames, colors) {
   const W = 1000, H = 90, left = 62, top = 6, bottom = 16, low = -7, high = 0;
   const x = (frame) => left + ((W - left - 16) * frame) / Math.max(1, frames - 1);
   const y = (depth) => top + (H - top - bottom) * (1 - (Math.min(high, Math.max(low, Math.log10(depth || 1e-9))) - low) / (high - low));
@@ -703,7 +720,7 @@ function strip(svg, scene, frames, colors) {
     svg.append(make("text", { x: x(t * scene.rate), y: H - 2, "text-anchor": "middle" }, `${t} s`));
   const path = (values) => Array.from(values, (v, k) => `${k ? "L" : "M"}${x(k).toFixed(1)} ${y(v).toFixed(1)}`).join("");
   if (scene.apart.length) svg.append(make("path", { d: path(scene.apart), class: "spread" }));
-  scene.engines.forEach((one) => svg.append(make("path", { d: path(one.deepest), class: "line", "data-engine": one.engine })));
+  engines.forEach((one) => svg.append(make("path", { d: path(one.deepest), class: "line", "data-engine": one.engine })));
   const go = (event) => {
     const box = svg.getBoundingClientRect();
     const share = ((event.clientX - box.left) / box.width * W - left) / (W - left - 16);

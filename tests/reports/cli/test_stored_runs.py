@@ -5,6 +5,7 @@ import os
 import re
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 from uuid import uuid4
 
 import numpy as np
@@ -14,9 +15,11 @@ from forged_recordings import WAYS, forge, rewrite
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from touchstone.adapters import registry
 from touchstone.adapters.recording import ARRAYS, CONTACTS
-from touchstone.reports.changes import NEEDED, NUMBERS
+from touchstone.reports.changes import NEEDED, NUMBERS, label_of
 from touchstone.reports.results import save
+from touchstone.reports.run import ratios
 
 RUN = "run ball_snip --engine reference --profile balanced --quiet --out old"
 
@@ -52,6 +55,21 @@ def test_a_run_is_judged_again(old, tmp_path):
     assert out.startswith("kind,study,scenario,engine,")
     assert "pass: limit of the file" not in out
     assert "no verdict -> fail: " in out
+
+
+def test_engines_of_a_stored_run_are_known(monkeypatch):
+    """One that plays only when it is named is registered again, with its step; what is gone has no step."""
+    monkeypatch.setattr(registry, "ENGINES", engines := dict(registry.ENGINES))
+    monkeypatch.setattr(ratios, "ENGINES", engines)
+    engines.pop("rapier", None)
+    own = {}
+    for name in ("rapier", "gone"):
+        facts = {"engine": name, "profile": "recommended"}
+        stored = SimpleNamespace(scenario='{"name": "fall"}', facts=facts)
+        found = label_of(Path(f"fall-{name}-recommended.npz"), stored)
+        assert found == ("fall", name, "recommended")
+        own[name] = ratios.Timed(name, "recommended", 1 / 60, np.zeros((1, 1)), np.zeros(1, bool)).at_own_step
+    assert own == {"rapier": True, "gone": False}
 
 
 def test_what_is_gone_fails(old, tmp_path):

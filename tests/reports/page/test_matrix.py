@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from touchstone.reports.page.matrix import facts, table, title
+from touchstone.reports.page.matrix import facts, table, title, worst_part
 from touchstone.reports.results import Row
-from touchstone.reports.views.matrix import SHADES, entries
+from touchstone.reports.views.matrix import LIMITS, SHADES, entries, worst_of
 
 OURS, THEIRS = ("reference", "balanced"), ("mujoco", "recommended")
 
@@ -44,7 +44,7 @@ def test_a_broken_time_limit_marks_the_time():
         "touchstone run slide --engine reference --engine mujoco --profile balanced --profile recommended"
         " --metric ratio.time"
     )
-    html, _ = table({"slide": rows}, [OURS, THEIRS])
+    html, _ = table({"slide": entries(rows, [OURS, THEIRS])}, [OURS, THEIRS])
     assert re.findall(r'class="\w+ shade\d fail[^>]*><button[^>]*aria-label="([^"]*)"', html) == [
         "slide, reference, limits: 0/1 ✗",
         "slide, reference, time: 20.0 ✗",
@@ -90,7 +90,7 @@ def test_a_cell_shows_its_worst_pair():
     assert theirs.apart == "-0.410"
     broken = replace(rows[2], limit=0.001, verdict="fail")
     assert cell([*rows[:2], broken, rows[3]], "friction").row.subject == "floor-box"
-    html, _ = table({"slide": rows}, [OURS, THEIRS])
+    html, _ = table({"slide": entries(rows, [OURS, THEIRS])}, [OURS, THEIRS])
     assert 'title="missing share of friction floor-ball (worst of 2): -0.400"' in html
 
 
@@ -138,3 +138,30 @@ def test_a_run_that_failed_is_marked_beside_one_that_played():
     assert [cell(rows, topic).mark for topic in ("limits", "overlap", "time")] == ["✗"] * 3
     assert cell(rows, "overlap").text == "error"
     assert cell(rows, "overlap", OURS).text == "0.0100"
+
+
+def test_the_worst_of_each_engine_is_shown_with_its_scene():
+    """The gravest verdict, then the largest share of where colour begins; limits are added up, a time is that
+    over the fastest of its scene."""
+    columns = [OURS, THEIRS]
+    rows = {
+        "slide": [overlap(4e-3, verdict="known"), overlap(1e-4, column=OURS)],
+        "grip": [overlap(9e-3, limit=1e-2), overlap(2e-4, column=OURS)],
+    }
+    for scene, ours, theirs in (("slide", 1e-5, 9e-5), ("grip", 1e-3, 2e-3)):
+        rows[scene] += [row("time.frame.median", t, c, "s") for t, c in ((ours, OURS), (theirs, THEIRS))]
+    found = {
+        scene: entries([replace(one, scenario=scene) for one in mine], columns)
+        for scene, mine in rows.items()
+    }
+    worst = worst_of(found, columns)
+    seen = {key: (cell.text, cell.mark, cell.row.scenario) for key, cell in worst.items()}
+    assert seen["overlap", THEIRS] == ("4.00", "†", "slide")
+    assert seen["overlap", OURS] == ("0.200", "", "grip")
+    assert seen["time", THEIRS] == ("9.00×", "", "slide")  # noqa: RUF001
+    assert seen[LIMITS, THEIRS][:2] == ("1/2", "†")
+    assert seen[LIMITS, OURS][:2] == ("2/2", "")
+    html = worst_part(found, columns)
+    assert re.findall(r'<th scope="row">(\w+) <small>', html) == ["reference", "mujoco"]
+    assert html.count('href="#scene-grip"') == 1
+    assert worst_part({"slide": found["slide"]}, columns) == worst_part(found, columns[:1]) == ""

@@ -13,6 +13,8 @@ from touchstone.scenarios.catalogue import catalogue
 
 pytestmark = pytest.mark.slow
 PLAYER = "window.touchstone.player"
+MATRIX = ".matrix:not(.worst)"
+"""The matrix of all scenes."""
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +120,7 @@ def test_keys_play_and_step(opened):
         time.sleep(0.05)
     opened.keyboard.press("Space")
     assert opened.evaluate(f"[{PLAYER}.playing, {PLAYER}.time > 6]") == [False, True]
-    opened.focus(".matrix td.overlap button")
+    opened.focus(f"{MATRIX} td.overlap button")
     opened.keyboard.press("ArrowRight")
     opened.keyboard.press("Enter")
     assert opened.inner_text("dialog h3") == "test · dart recommended"
@@ -144,25 +146,29 @@ def test_it_fits_both_sizes_in_both_schemes(opened, width, scheme):
 def test_the_matrix_scrolls_under_its_first_column(opened):
     """On a narrow screen names of scenes, and the corner above them, stay where they are."""
     opened.set_viewport_size({"width": 300, "height": 900})
-    left = "[...document.querySelectorAll('.matrix tr > :first-child')].map(c => c.getBoundingClientRect().x)"
+    first = "[...document.querySelectorAll('.matrix:not(.worst) tr > :first-child')]"
+    left = f"{first}.map(c => c.getBoundingClientRect().x)"
     before = opened.evaluate(left)
-    opened.evaluate("document.querySelector('.matrix').parentNode.scrollLeft = 60")
-    assert opened.evaluate("document.querySelector('.matrix').parentNode.scrollLeft") == 60
+    opened.evaluate("document.querySelector('.matrix:not(.worst)').parentNode.scrollLeft = 60")
+    assert opened.evaluate("document.querySelector('.matrix:not(.worst)').parentNode.scrollLeft") == 60
     assert opened.evaluate(left) == before
 
 
 def test_columns_are_ticked_and_scenes_sorted(opened):
-    """An engine that is not ticked has no column in any group, the last one stays; a head sorts the scenes by
-    its figures, the largest first, and back."""
-    boxes = opened.locator(".bar fieldset [type=checkbox]")
-    heads = "document.querySelectorAll('.matrix thead tr:last-child th:not([hidden])')"
+    """An engine that is not ticked has no column in any group, no row among the worst and no panel, the last
+    one stays; a head sorts the scenes by its figures, the largest first, and back."""
+    boxes = opened.locator(".choice fieldset:nth-of-type(2) [type=checkbox]")
+    heads = "document.querySelectorAll('.wide > .matrix:not(.worst) thead tr:last-child th:not([hidden])')"
     shown = f"[...{heads}].map(c => c.textContent)"
     before = opened.evaluate(shown)
     groups = opened.locator(".matrix thead th[scope=colgroup]").count()
+    rows, panels = ".worst tbody tr:not([hidden])", ".labels div"
     assert len(before) == groups * boxes.count() > groups
+    assert opened.locator(rows).count() == opened.locator(panels).count() == boxes.count()
     boxes.first.click()
+    assert opened.locator(rows).count() == opened.locator(panels).count() == boxes.count() - 1
     assert opened.evaluate(shown) == [name for name in before if name != before[0]]
-    hidden = "document.querySelectorAll('.matrix tbody tr:first-child td[hidden]').length"
+    hidden = "document.querySelectorAll('.matrix:not(.worst) tbody tr:first-child td[hidden]').length"
     assert opened.evaluate(hidden) == groups
     for k in range(1, boxes.count()):
         boxes.nth(k).click()
@@ -170,16 +176,36 @@ def test_columns_are_ticked_and_scenes_sorted(opened):
     for k in range(boxes.count()):
         boxes.nth(k).set_checked(True)
     assert opened.evaluate(shown) == before
-    names = "[...document.querySelectorAll('.matrix tbody th')].map(c => c.textContent)"
+    names = "[...document.querySelectorAll('.matrix:not(.worst) tbody th')].map(c => c.textContent)"
     order = opened.evaluate(names)
     place = 2 * boxes.count() - 1
-    rows = "document.querySelectorAll('.matrix tbody tr')"
+    rows = "document.querySelectorAll('.matrix:not(.worst) tbody tr')"
     figures = f"[...{rows}].map(r => parseFloat(r.cells[{place}].textContent))"
-    opened.locator(".matrix thead tr:last-child th").nth(place - 1).click()
+    opened.locator(f"{MATRIX} thead tr:last-child th").nth(place - 1).click()
     found = [value for value in opened.evaluate(figures) if value is not None and value == value]
     assert found == sorted(found, reverse=True)
-    opened.locator(".matrix thead tr:last-child th").nth(place - 1).click()
+    opened.locator(f"{MATRIX} thead tr:last-child th").nth(place - 1).click()
     assert opened.evaluate(names) == order
+    assert opened.said == []
+
+
+def test_figures_are_ticked_and_the_worst_sorted(opened):
+    """A group that is not ticked has no head and no cells; engines sort by what is worst of them."""
+    group = opened.locator(".matrix thead th[scope=colgroup]").nth(1)
+    box = opened.locator(".choice fieldset:nth-of-type(3) [type=checkbox]").nth(1)
+    assert group.is_visible()
+    box.click()
+    assert not group.is_visible()
+    assert opened.locator(f"{MATRIX} td.overlap:not([hidden])").count() == 0
+    box.click()
+    assert group.is_visible()
+    names = "[...document.querySelectorAll('.worst tbody th')].map(c => c.textContent)"
+    assert opened.evaluate(names) == ["reference balanced", "dart recommended"]
+    head = opened.locator(".worst thead th").nth(1)
+    head.click()
+    assert opened.evaluate(names) == ["dart recommended", "reference balanced"]
+    head.click()
+    assert opened.evaluate(names) == ["reference balanced", "dart recommended"]
     assert opened.said == []
 
 
