@@ -43,6 +43,7 @@ from touchstone.reference_impl.continuous.driver_motion import (
     keep_in_limits,
     note_curves,
     note_paths,
+    repeat_pushes,
     weigh_for_impacts,
 )
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
@@ -127,7 +128,7 @@ def solve_resting_contacts(world, count, time, h):
         if carried:
             _turn_friction(world, count, h)
         _solve_positions(world, count, h, False)
-        if state["led_loop"] == 1 and _laws_differ(bodies, pairs, count):
+        if state["led_loop"] == 1 and state["dense_substep"] == 0 and _laws_differ(bodies, pairs, count):
             for k in range(count):
                 copy_vector(pairs[k]["spare"], pairs[k]["resting_impulse"])
             _correct_velocities(world, count, h)
@@ -545,6 +546,9 @@ def _solve_positions(world, count, h, again):
     the end of the substep, and closes its gap to GAP_LEFT, and hinges end within their limits. The result
     sets the paths of their bodies, not their velocities.
 
+    In a dense substep it sets the velocities of islands with drivers too: where a contact opens and closes,
+    only the force that closes the gap does no work along the ways of both bodies.
+
     It starts from the impulses of the law of velocities or, if `again`, from those that it found before.
     """
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
@@ -572,6 +576,8 @@ def _solve_positions(world, count, h, again):
         state["lead"] = 1.0
         solve_contacts(bodies, joints, drivers, pairs, count, True, state)
         state["lead"] = 0.0
+        if state["led_loop"] == 1 and state["dense_substep"] == 1:
+            _move_by_positions(world, count)
         for k in range(count):
             _exchange_impulses(pairs[k])
             pairs[k]["floor"] = pairs[k]["held_floor"]
@@ -586,6 +592,24 @@ def _solve_positions(world, count, h, again):
         if drivers[d]["loops"] == 1:
             weigh_for_impacts(drivers[d])
     _accept_pushes(world, h)
+
+
+@kernel
+def _move_by_positions(world, count):
+    """Replace the impulses and velocities of the law of velocities of `led` bodies by those of the law of
+    positions."""
+    bodies, pairs = world.bodies, world.pairs
+    for k in range(count):
+        if bodies[pairs[k]["body_a"]]["led"] == 1 or bodies[pairs[k]["body_b"]]["led"] == 1:
+            copy_vector(pairs[k]["resting_impulse"], pairs[k]["spare"])
+            copy_vector(pairs[k]["moment"], pairs[k]["spare_moment"])
+    for b in range(len(bodies)):
+        if bodies[b]["led"] == 1:
+            copy_vector(bodies[b]["velocity"], bodies[b]["path_velocity"])
+            copy_vector(bodies[b]["omega"], bodies[b]["path_omega"])
+    for d in range(len(world.drivers)):
+        if world.drivers[d]["loops"] == 1:
+            repeat_pushes(world.joints, world.drivers[d])
 
 
 @kernel

@@ -277,6 +277,18 @@ def exchange_pushes(joints, driver):
 
 
 @kernel
+def repeat_pushes(joints, driver):
+    """Replace the impulses of the law of velocities by those of the law of positions, before the exchange."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joints[k]["shift_twist"] = joints[k]["twist"]
+        joints[k]["shift_limit_impulse"] = joints[k]["limit_impulse"]
+    for i in range(3):
+        driver["shift_push"][i], driver["shift_twist"][i] = driver["push"][i], driver["twist"][i]
+    for i in range(driver["hinge_count"]):
+        driver["path_gains"][i] = driver["gains"][i]
+
+
+@kernel
 def set_link_ways(bodies, joints, driver, until, h, dt):
     """Set the motion of a driver's links over a substep of length h: parabolas that start at their velocities
     and lead through their poses at its fraction `until`."""
