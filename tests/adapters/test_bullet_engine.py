@@ -56,9 +56,7 @@ def arm(effects=("gravity",), turn=True):
     bar = (s.Piece("bar", s.Box((0.05, 0.01, 0.01)), position=(0.05, 0.0, 0.0)),)
     common = {"center_of_mass": (0.04, 0.01, -0.005), "inertia": TENSOR}
     links = (
-        s.Body(
-            "root", "driven", "a", (), mass=2.0, center_of_mass=(0.01, 0.02, 0.03), inertia=diagonal(0.01)
-        ),
+        s.Body("root", "driven", "a", (), mass=2, center_of_mass=(0.01, 0.02, 0.03), inertia=diagonal(0.01)),
         s.Body("tip", "driven", "a", bar, mass=0.1, **common),
         s.Body("upper", "driven", "a", bar, mass=0.2, **common),
     )
@@ -115,9 +113,7 @@ def test_unsupported_scenes_are_named():
         start(scene(mover(s.Ellipsoid((0.1, 0.2, 0.3)))))
     with pytest.raises(Unsupported, match=r"bullet: friction must be 0 or up to 10, found 12 .*floor-mover"):
         start(scene(FLOOR, mover(s.Sphere(0.1)), coefficients=((0.5, 12.0),)))
-    with pytest.raises(
-        Unsupported, match="bullet: no profile 'paper'; valid: recommended, equal-step, default"
-    ):
+    with pytest.raises(Unsupported, match="bullet: no profile 'paper'; valid: recommended, equal-step"):
         BulletEngine().build(scene(FLOOR), Settings("paper", DT))
 
 
@@ -138,9 +134,7 @@ def test_a_body_of_many_pieces_rests_on_all_of_them():
     pieces = (
         s.Piece("hull 1", CUBE, position=(0.3, 0.0, 0.0), orientation=(half, 0.0, 0.0, half)),
         s.Piece("ball", s.Sphere(0.05 + MARGIN), position=(-0.3, 0.2, 0.0)),
-        s.Piece(
-            "box", s.Box((0.05 + MARGIN, 0.04, 0.03)), (-0.3, -0.2, 0.0), orientation=(half, 0.0, half, 0.0)
-        ),
+        s.Piece("box", s.Box((0.05 + MARGIN, 0.04, 0.03)), (-0.3, -0.2, 0.0), (half, 0.0, half, 0.0)),
         s.Piece("hull 2", CUBE, position=(0.5, 0.0, 0.0)),
     )
     table = mover(None, pieces=pieces, position=(0.0, 0.0, 0.05 + MARGIN), inertia=diagonal(1e-2),
@@ -169,9 +163,7 @@ def test_only_touching_pairs_collide(collide):
     assert set(zip(rows["body_a"], rows["body_b"])) == ({(0, 2)} if collide else set())
 
 
-@pytest.mark.parametrize(
-    ("profile", "height"), [("default", MARGIN), ("recommended", 0.0), ("accurate", 0.0)]
-)
+@pytest.mark.parametrize(("profile", "height"), [("default", MARGIN), ("recommended", 0), ("accurate", 0)])
 def test_a_hull_rests_on_its_surface(profile, height):
     scenario = scene(FLOOR, mover(CUBE, position=(0.0, 0.0, 0.05 + height)))
     dt = BulletEngine.profiles[profile]

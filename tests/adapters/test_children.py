@@ -247,10 +247,7 @@ def test_children_go_on_from_scene_to_scene(scenario, tmp_path):
         reported = []
         for folder in (tmp_path / "first", tmp_path / "second"):
             folder.mkdir()
-            jobs = [
-                Job(name, scenario, SETTINGS, folder / f"{name}.npz", folder / f"{name}.txt")
-                for name in names
-            ]
+            jobs = [Job(n, scenario, SETTINGS, folder / f"{n}.npz", folder / f"{n}.txt") for n in names]
             outcomes = children.play(jobs, lambda label, frames: None)
             reported.append({name: (tmp_path / f"{name}.pid").read_text() for name in names})
             assert [outcome.status for outcome in outcomes] == ["done", "done", "error"]

@@ -13,13 +13,7 @@ from touchstone.reference_impl.core.kernel import KERNELS
 
 @pytest.mark.parametrize(
     ("share", "elapsed", "usual", "left"),
-    [
-        (0.0, 0.0, 60.0, 60),
-        (0.05, 20.0, 60.0, 40),
-        (0.5, 30.0, 60.0, 30),
-        (0.5, 90.0, 60.0, 90),
-        (1, 9, 9, 5),
-    ],
+    [(0.0, 0.0, 60.0, 60), (0.05, 20.0, 60.0, 40), (0.5, 30.0, 60.0, 30), (0.5, 90, 60, 90), (1, 9, 9, 5)],
 )
 def test_time_left(share, elapsed, usual, left):
     """The usual time counts at first, then the compilation's own pace."""

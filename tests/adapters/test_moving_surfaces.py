@@ -167,9 +167,7 @@ def test_who_cannot_play_them_says_so(registry, lab):
     with pytest.raises(Unsupported, match="paper has no moving surfaces"):
         registry.engine("reference").build(scene, Settings("paper", 1 / 60))
     for name in ("bullet", "dart"):
-        with pytest.raises(
-            Unsupported, match=f"{name}: the surfaces of the pieces of 'belt' move differently"
-        ):
+        with pytest.raises(Unsupported, match=f"{name}: the surfaces of the pieces of 'belt' move"):
             registry.engine(name).build(scene, Settings("recommended", 1 / 240))
 
 
@@ -205,9 +203,7 @@ def _carried(scene: Scenario) -> State:
 
 def test_the_mirror_image_moves_back(registry, lab):
     """The mirror image of a scene with a belt and a roller has the mirrored motion."""
-    scene = lab.scene(
-        belt(surface_velocity=SPEED, surface_angular_velocity=(0.0, 0.0, 0.3)), *loads(), mu=0.5
-    )
+    scene = lab.scene(belt(surface_velocity=SPEED, surface_angular_velocity=(0, 0, 0.3)), *loads(), mu=0.5)
     one, two = played(registry, scene), played(registry, mirrored(scene))
     # the forces at the corners of a box that turns are not unique
     assert np.abs(one.position * (-1, 1, 1) - two.position).max() < 1e-4

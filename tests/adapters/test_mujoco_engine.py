@@ -274,9 +274,7 @@ def played(scenario: Scenario, count: int) -> tuple[list[tuple], int]:
 
 
 @pytest.mark.parametrize(("name", "count"), SCENES)
-def test_masks_give_the_contacts_of_explicit_pairs(
-    name: str, count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_masks_give_the_contacts_of_explicit_pairs(name: str, count: int, monkeypatch) -> None:
     """Play the same states and contacts to the bit, in the same order, with the same coefficients."""
     scenario = catalogue()[name]
     masked, listed = played(scenario, count)
@@ -308,9 +306,7 @@ def balls(bodies: Iterable[Body], coefficients: dict[str, tuple[float, float]]) 
 def facts(scenario: Scenario) -> tuple[dict[str, tuple[float, float]], int]:
     """(e, mu) of each pair as read back from the model, and the number of explicit pairs."""
     world = mujoco_engine.MujocoEngine().build(scenario, SETTINGS)
-    reported = {
-        pair.body_a + pair.body_b: (pair.restitution, pair.friction) for pair in world.describe().pairs
-    }
+    reported = {p.body_a + p.body_b: (p.restitution, p.friction) for p in world.describe().pairs}
     return reported, world._model.npair
 
 

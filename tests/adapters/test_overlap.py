@@ -106,9 +106,7 @@ def test_two_boxes_face_to_face_and_edge_to_edge(gap):
 def test_ellipsoids_along_their_axes():
     egg, turn = Ellipsoid((0.3, 0.2, 0.1)), Rotation.from_euler("z", 90, degrees=True)
     for gap in (-0.01, 0.02):
-        distance, normal, _ = apart(
-            egg, (np.zeros(3), Rotation.identity()), egg, ([0.3 + 0.2 + gap, 0, 0], turn)
-        )
+        distance, normal, _ = apart(egg, (np.zeros(3), Rotation.identity()), egg, ([0.5 + gap, 0, 0], turn))
         assert distance == pytest.approx(gap, abs=ASKED)
         assert normal == pytest.approx([1.0, 0.0, 0.0], abs=1e-3)
 

@@ -76,9 +76,7 @@ def test_a_fall_is_left_alone(lab: SimpleNamespace, registry: SimpleNamespace, n
 
 
 @pytest.mark.parametrize("name", ENGINES)
-def test_a_driven_body_is_followed_after_rest(
-    lab: SimpleNamespace, registry: SimpleNamespace, name: str
-) -> None:
+def test_a_driven_body_is_followed_after_rest(lab: SimpleNamespace, registry, name: str) -> None:
     """Drive a ball that has rested into a sleeping one, as without sleeping but for how far MuJoCo's may
     still have had to settle: by its speed at most, times the contact's 0.02 s."""
     rested = RESTED[name]

@@ -116,9 +116,7 @@ def faults(path: Path) -> Iterator[str]:
             if not PLACEHOLDER.search(file) and not any(name in parts_of(one)[1] for one in held(file)):
                 yield f"{where}: no {name} in {file}"
         for file in re.findall(r"(?<![\w/.-])((?:[\w-]+/)+[\w-]+\.(?:py|md|csv|toml))\b", text):
-            if file.startswith(tuple(f"{one}/" for one in OURS)) and not (
-                PLACEHOLDER.search(file) or held(file)
-            ):
+            if file.startswith(tuple(f"{o}/" for o in OURS)) and not (PLACEHOLDER.search(file) or held(file)):
                 yield f"{where}: no file {file}"
         for link in re.findall(r"\]\((?![a-z]+:|#)([^)#\s]+)", text if path.suffix == ".md" else ""):
             if not (path.parent / link).exists():

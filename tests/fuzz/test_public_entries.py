@@ -74,9 +74,7 @@ def cells(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cells")
     with Store(folder).opened() as store:
         row = Row("sweep", "fall", "reference", "balanced", 1 / 60, "run", value=1.0)
-        store.append(
-            [Done(Cell("fall", "reference", "balanced", 1 / 60), (row,), series={"run": [0.0, 1.0]})]
-        )
+        store.append([Done(Cell("fall", "reference", "balanced", 1 / 60), (row,), series={"run": [0, 1]})])
         (path,) = (folder / "cells").iterdir()
     return path.read_bytes()
 
@@ -380,9 +378,7 @@ def test_any_text_is_no_scene_file(tmp_path, text):
         read_scene(file)
 
 
-WORDS = st.text(
-    st.characters(blacklist_categories=["Cs"], blacklist_characters="\0"), min_size=1, max_size=12
-)
+WORDS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\0"), min_size=1, max_size=9)
 ARGUMENTS = st.sampled_from(
     [
         ("run", "{}"),

@@ -139,9 +139,7 @@ def test_engines_play_their_own_planes(engine: str, offset: float) -> None:
     """A box rests on a plane that is posed by its body, its piece, or both, to a millimetre."""
     tilt = Rotation.from_rotvec((0.0, 0.2, 0.0))
     up = tilt.apply((0.0, 0.0, 1.0))
-    plane = Piece(
-        "plane", HalfSpace(), (0.3, 0.2, -offset), quaternion(Rotation.from_rotvec((0.0, 0.0, 0.4)))
-    )
+    plane = Piece("plane", HalfSpace(), (0.3, 0.2, -offset), quaternion(Rotation.from_rotvec((0, 0, 0.4))))
     floor = Body(
         "floor", "fixed", "wood", (plane,), position=vector(offset * up), orientation=quaternion(tilt)
     )

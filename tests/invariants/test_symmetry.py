@@ -82,9 +82,7 @@ def test_tumbling_boxes_end_alike(registry, transform: str, count: int, seed: in
     own = ends(registry, scene, profile)
     match transform:
         case "mirrored":
-            there = {
-                name: mirror(tuple(end)) for name, end in ends(registry, mirrored(scene), profile).items()
-            }
+            there = {name: mirror(tuple(e)) for name, e in ends(registry, mirrored(scene), profile).items()}
         case "reordered":
             there = reordered_ends(registry, scene, range(count)[::-1], profile)
         case _:

@@ -11,9 +11,7 @@ from touchstone.reports.views.render import NARROW, FittingConsole, console, pri
 from touchstone.reports.views.terminal import report
 
 COLUMNS = [("reference", "balanced"), ("reference", "paper")]
-COLUMNS += [
-    (engine, profile) for engine in ("dart", "bullet", "mujoco") for profile in ("recommended", "accurate")
-]
+COLUMNS += [(e, p) for e in ("dart", "bullet", "mujoco") for p in ("recommended", "accurate")]
 
 
 def _printed(width, thing):

@@ -114,9 +114,7 @@ def test_a_family_without_a_simulated_body_is_marked(shown):
     rows = rows_of_envelope(
         Envelope(scope, {cell: Played(Outcome("ok"), line_of(cell)) for cell in scope.cells()})
     )
-    marked = {
-        (row.engine, row.scenario) for row in rows if row.basis == CONSTRUCTION and row.metric == LEVELS
-    }
+    marked = {(r.engine, r.scenario) for r in rows if r.basis == CONSTRUCTION and r.metric == LEVELS}
     assert marked == {("reference", "coupling")}
     assert "all =" in shown(report(table(rows)), 140)
 

@@ -58,9 +58,7 @@ def judged(tmp_path):
             settings = Settings(profile, dt)
             outcomes.append(Outcome(Job(engine, scenario, settings, path, path), "done"))
         request = Request((scenario,), COLUMNS, tmp_path)
-        rows = study.judge_outcomes(
-            request, scenario, outcomes, Results(table([])), lambda text, frames: None
-        )
+        rows = study.judge_outcomes(request, scenario, outcomes, Results(table([])), lambda *_: None)
         return {(row.engine, row.metric, row.subject): row for row in rows}
 
     return judge

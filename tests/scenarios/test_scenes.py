@@ -125,9 +125,7 @@ def test_probes_and_seeded_scenes_are_told_apart() -> None:
         # a break of many balls has no closed form
         if "symmetric" in scenario.tags:
             continue
-        assert {truth.body for truth in scenario.truths} == {
-            b.name for b in scenario.bodies if b.kind != "fixed"
-        }
+        assert {t.body for t in scenario.truths} == {b.name for b in scenario.bodies if b.kind != "fixed"}
 
 
 @pytest.mark.parametrize(

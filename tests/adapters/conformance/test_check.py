@@ -119,9 +119,7 @@ def test_a_crash_and_a_hang_end_one_check(monkeypatch, tmp_path):
     found = {report.check: report.faults for report in check("crash", patience=3.0)}
     assert found["order"] == ("died in the check 'order': exit code 9",)
     assert found["bounce"] == ("hung: no answer in the check 'bounce' for 3 s",)
-    assert re.match(
-        r"RuntimeError: nothing else works in `build` \(.*crash_engine.py, line 15\)", found["step"][0]
-    )
+    assert re.match(r".*nothing else works in `build` \(.*crash_engine.py, line 15\)", found["step"][0])
     monkeypatch.setitem(ENGINES, "hang", Entry("crash_engine:Hang", "crash_engine", {"default": 1 / 240}))
     reports = list(check("hang", patience=1.0))
     assert [bool(report.faults) for report in reports] == [True, True, False]

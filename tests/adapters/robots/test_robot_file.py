@@ -25,9 +25,7 @@ def link(name: str, mass: str = "2", shape: str = "") -> str:
     return f'<link name="{name}">{inertial}{shape}</link>'
 
 
-def joint(
-    name: str, parent: str, child: str, kind: str = "revolute", limit: str = 'lower="-1" upper="2"'
-) -> str:
+def joint(name, parent, child, kind="revolute", limit='lower="-1" upper="2"') -> str:
     ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="0 0.5 1" rpy="0 0.2 -1.5"/>'
     limit = f'<limit {limit} effort="1" velocity="1"/>'
     return f'<joint name="{name}" type="{kind}">{ends}<axis xyz="0 0.6 0.8"/>{limit}</joint>'
@@ -48,9 +46,7 @@ ROBOTS = {
         link("world", ""), link("base"), link("arm"), joint("w", "world", "base", "fixed"),
         joint("a", "base", "arm"),
     )),
-    "its root turns on the world": ("r.urdf", urdf(
-        link("world", ""), link("arm"), joint("a", "world", "arm")
-    )),
+    "its root turns": ("r.urdf", urdf(link("world", ""), link("arm"), joint("a", "world", "arm"))),
     "its root has no mass": ("r.urdf", urdf(
         link("base", ""), link("arm"), joint("a", "base", "arm")
     )),

@@ -132,10 +132,8 @@ def test_huge_beside_tiny(counts: tuple[int, int, int], huge: float) -> None:
     rng = np.random.default_rng(6)
     scene = Scene(rng, counts)
     large = rng.random(len(scene.pieces)) < huge
-    power = np.where(
-        large[:, None], rng.uniform(0, 3, scene.half.shape), rng.uniform(-3, -1, scene.half.shape)
-    )
-    scene.place(rng.uniform(-3, 3, scene.center.shape), 10**power)
+    e = np.where(large[:, None], rng.uniform(0, 3, scene.half.shape), rng.uniform(-3, -1, scene.half.shape))
+    scene.place(rng.uniform(-3, 3, scene.center.shape), 10**e)
     for _ in range(3):
         scene.check()
         scene.move(rng.normal(size=scene.center.shape) * 0.1)

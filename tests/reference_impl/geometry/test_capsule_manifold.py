@@ -31,9 +31,7 @@ def test_a_standing_capsule_touches_at_its_end(lab: SimpleNamespace) -> None:
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0])
-@pytest.mark.parametrize(
-    ("shift", "ends"), [(0.0, (-0.15, 0.15)), (0.2, (0.05, 0.15)), (-0.1, (-0.15, 0.05))]
-)
+@pytest.mark.parametrize(("shift", "ends"), [(0, (-0.15, 0.15)), (0.2, (0.05, 0.15)), (-0.1, (-0.15, 0.05))])
 def test_capsules_side_by_side_touch_at_the_ends_of_the_length_they_share(lab, turn, shift, ends) -> None:
     """Give both ends, whichever capsule comes first and wherever it points to along its axis."""
     apart = np.array((0.0, np.sin(turn), np.cos(turn)))

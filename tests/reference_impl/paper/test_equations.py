@@ -69,9 +69,7 @@ def test_eq_4_projection_on_the_joint_plane(seed: int) -> None:
     rng = np.random.default_rng(seed)
     p, a, o = triple(rng), unit(rng), triple(rng)
     height = dot(a, [x - y for x, y in zip(p, o)])
-    np.testing.assert_allclose(
-        project(p, a, o), [x - height * y for x, y in zip(p, a)], rtol=ROUNDING, atol=ROUNDING
-    )
+    np.testing.assert_allclose(project(p, a, o), [x - height * y for x, y in zip(p, a)], ROUNDING, ROUNDING)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -52,9 +52,7 @@ def remove(world) -> bool:
 def walls(lab: SimpleNamespace, gap: float):
     """Two fixed blocks that leave a slot of width `gap` at y < 0, from x = -gap / 2 on."""
     half = (0.5, 1.0, 1.0)
-    return [
-        lab.block(f"wall_{side}", half, (side * (0.5 + gap / 2), -1.0, 0.0), kind="fixed") for side in (-1, 1)
-    ]
+    return [lab.block(f"wall_{s}", half, (s * (0.5 + gap / 2), -1.0, 0.0), kind="fixed") for s in (-1, 1)]
 
 
 def slanted(lab: SimpleNamespace, name: str, normal) -> Body:

@@ -62,9 +62,7 @@ OTHER = "coal"
 def test_exponents_of_power_laws_are_exact() -> None:
     """Give the exponent of times that follow one, a time per size, and the limit of the broad phase."""
     sizes = [100, 1000, 10_000]
-    steep, flat = (
-        [np.full(5, scale * n**power) for n in sizes] for scale, power in ((1e-7, 1.2), (1e-6, 0.4))
-    )
+    steep, flat = ([np.full(5, a * n**p) for n in sizes] for a, p in ((1e-7, 1.2), (1e-6, 0.4)))
     curves = [
         Curve(BROAD_PHASE, "pieces", "reference", "balanced", nan, sizes, steep),
         Curve(VERTICES, "vertices", OTHER, "default", nan, sizes, flat),

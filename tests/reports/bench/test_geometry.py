@@ -58,9 +58,7 @@ def test_geometry_has_all_rows(measured) -> None:
     per_family = {"time.query", "time.net", "depth.error.max", "exception"}
     certificates = {"certificate.open", "certificate.false"}
     for family in (*FAMILIES, MOTION):
-        ours, theirs = (
-            rows[(rows.engine == name) & (rows.scenario == family)] for name in (REFERENCE, OTHER)
-        )
+        ours, theirs = (rows[(rows.engine == n) & (rows.scenario == family)] for n in (REFERENCE, OTHER))
         extra = certificates if family == MOTION else set()
         assert sorted(ours.metric) == sorted({*per_family, *extra, "ratio.time"})
         assert sorted(theirs.metric) == sorted(per_family)
@@ -153,9 +151,7 @@ def test_certificates_tell_open_from_false(truth) -> None:
     moving = np.flatnonzero(truth.family == MOTION)
     mine.failures = {int(k): Failure(UNCONVERGED, "test") for k in moving[:9]}
     mine.distance[moving[[0, 20, 21, 22]]] += 1e-6
-    rows = {
-        row.metric: row.value for row in rows_of_bench(truth, {REFERENCE: mine}) if row.scenario == MOTION
-    }
+    rows = {r.metric: r.value for r in rows_of_bench(truth, {REFERENCE: mine}) if r.scenario == MOTION}
     assert rows["certificate.open"] == pytest.approx(9 / 45)
     assert rows["certificate.false"] == 3
 
@@ -167,9 +163,7 @@ def test_certificates_that_did_not_hold_are_open(truth) -> None:
     mine.held = np.full(len(truth.pairs), nan)
     mine.held[moving] = 1.0
     mine.held[moving[:15]] = 0.0
-    rows = {
-        row.metric: row.value for row in rows_of_bench(truth, {REFERENCE: mine}) if row.scenario == MOTION
-    }
+    rows = {r.metric: r.value for r in rows_of_bench(truth, {REFERENCE: mine}) if r.scenario == MOTION}
     assert rows["certificate.open"] == pytest.approx(15 / 45)
     assert rows["certificate.false"] == 0
 

@@ -96,10 +96,7 @@ WRONG = [
     ("run --dt 1e400", "--dt 1e400: "),
     ("study calibration --engine bulet", "unknown engine 'bulet'; did you mean 'bullet'?"),
     ("study calibration --profile maxmal", "unknown profile 'maxmal'; did you mean 'maximal'?"),
-    (
-        "study calibration --engine reference --profile maximal",
-        "no engine of reference has the profile maximal",
-    ),
+    ("study calibration --engine reference --profile maximal", "no engine of reference has the profile"),
     ("study calibration --out full", "--out full: exists and is not an empty folder"),
     ("study knobs --engine reference", "study knobs: varies other engines; the reference's settings: "),
     ("--engien dart", "No such option: --engien"),

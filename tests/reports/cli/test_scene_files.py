@@ -71,10 +71,7 @@ def test_a_file_adds_limits_and_replaces_ours(here, tmp_path):
     [
         ('[[limits]]\nmetric = "overlap.mx"\nlargest = 1', "l.toml:2: limits[0].metric: unknown metric"),
         ('[[limits]]\nmetric = "overlap.max"', "l.toml:1: limits[0].largest: missing"),
-        (
-            '[[limits]]\nmetric = "work"\nlargest = 1\nmost = 2',
-            "l.toml:4: limits[0].most: unknown field 'most'",
-        ),
+        ('[[limits]]\nmetric = "work"\nlargest = 1\nmost = 2', "l.toml:4: limits[0].most: unknown field"),
         ('[[limits]]\nmetric = "work"\nlargest = 1\nengine = "bulet"', "l.toml:4: limits[0].engine: unknown"),
         ("limits = []\nlimit = 1", "l.toml:2: limit: unknown field 'limit'"),
         ("", "l.toml:1: limits: missing"),

@@ -65,10 +65,8 @@ def test_impulse_balance_counts_sides_and_frames(lab, recordings, known):
     velocity[3:, 0, 0] = 4.0  # hit in the third frame
     for frame, missed in ((2, 0.0), (1, 2.0)):
         row = {"time": frame / 60 + DT, "body_b": 1, "normal": UP, "impulse": (-4.0 * MASS, 0.0, 0.0)}
-        recording = recordings.recording(
-            scenario, linear_velocity=velocity, contacts=recordings.contacts(row)
-        )
-        found = known.value("contact.impulse_balance", recording, scenario)
+        played = recordings.recording(scenario, linear_velocity=velocity, contacts=recordings.contacts(row))
+        found = known.value("contact.impulse_balance", played, scenario)
         assert found == {"ball": pytest.approx(missed, abs=1e-9)}
 
 
@@ -90,9 +88,7 @@ def test_a_body_in_free_flight_has_no_impulses_to_balance(lab, recordings, known
 
 def test_energy_from_nowhere_is_the_largest_rise(lab, recordings, known):
     """A free body whose speed jumps and sags gains the largest rise over any window, spin included."""
-    scenario = lab.scene(
-        lab.ground(), lab.ball(position=(0.0, 0.0, 9.0), mass=MASS), effects=(), duration=0.1
-    )
+    scenario = lab.scene(lab.ground(), lab.ball(position=(0, 0, 9), mass=MASS), effects=(), duration=0.1)
     speed, spin = np.array([3.0, 1.0, 2.0, 2.0, 1.5, 3.5, 0.0]), np.array([0, 0, 0, 0, 0, 7.0, 0])
     columns = known.path(scenario, 1, (0.0, 0.0, 9.0), np.outer(speed, [0.6, 0.0, 0.8]))
     columns["angular_velocity"] = np.zeros((7, 2, 3))
@@ -333,9 +329,7 @@ def test_a_contact_beside_the_touch(recordings, known, early):
 def test_contacts_in_touch_are_at_no_distance(recordings, known):
     """A body that lies, slides or overlaps has no gap."""
     scenario = catalogue()["slide"]
-    rows = [
-        {"time": k / 60, "body_b": 1 + k % 3, "normal": UP, "impulse": (0.0, 0.0, 0.1)} for k in range(90)
-    ]
+    rows = [{"time": k / 60, "body_b": 1 + k % 3, "normal": UP, "impulse": (0, 0, 0.1)} for k in range(90)]
     recording = known.ideal(recordings, scenario, contacts=recordings.contacts(*rows))
     # the oracle's 1e-8 m
     assert known.value("contact.at_distance", recording, scenario)[""] < 1e-8

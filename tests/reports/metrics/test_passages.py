@@ -146,12 +146,7 @@ def test_a_spinning_rod_that_sweeps_through_a_ball(lab, recordings, rate):
     """Both ends of a rod that turns go through a ball in its reach, none through one beyond or above it."""
     frames = round(60 * 1.2 * pi / rate) + 2
     rate, start = 1.2 * pi / ((frames - 1) * FRAME), -0.1 * pi  # 1.2 half turns in whole frames
-    for place, passed in (
-        ((0.4, 0.0, 0.0), 2),
-        ((0.3, 0.0, 0.01), 2),
-        ((0.57, 0.0, 0.0), 0),
-        ((0.4, 0.0, 0.07), 0),
-    ):
+    for place, passed in (((0.4, 0, 0), 2), ((0.3, 0.0, 0.01), 2), ((0.57, 0, 0), 0), ((0.4, 0.0, 0.07), 0)):
         scenario = lab.scene(rod(), lab.ball(position=place), effects=(), duration=(frames - 1) * FRAME)
         turned, spin = spun(frames, rate, start), (0.0, 0.0, rate)
         columns = moving(scenario, 0, (0.0, 0.0, 0.0), orientation=turned, spin=spin)

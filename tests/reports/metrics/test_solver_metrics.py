@@ -169,9 +169,7 @@ def test_the_papers_own_way_is_no_failing(context):
     reported = context(
         {1: {"residual": 2e-4, "residual.body_a": 0, "residual.body_b": 1, "dropped_time": 1e-3}}
     )
-    assert [row.metric for row in rows_of(reported, "paper") if row.verdict == "fail"] == list(
-        SOLVER_METRICS[:2]
-    )
+    assert [r.metric for r in rows_of(reported, "paper") if r.verdict == "fail"] == list(SOLVER_METRICS[:2])
 
 
 def test_sizes_are_no_work(context):
@@ -204,9 +202,7 @@ def test_a_bit_changes_the_hash(recording):
 @pytest.mark.spawned
 def test_fresh_processes_do_not_change_the_hash(recording, tmp_path):
     """Two processes, whatever they played before: the same hash as in this process."""
-    others = [
-        hard_cell(f"hard_{name}", "reference", "balanced", 1 / 60) for name in ("mass_stack_1", "wedge_90")
-    ]
+    others = [hard_cell(f"hard_{n}", "reference", "balanced", 1 / 60) for n in ("mass_stack_1", "wedge_90")]
     cell = hard_cell(SCENE, "reference", "balanced", 1 / 60)
     played = play_all([*others, cell], tmp_path / "runs", lambda label, count: None, jobs=2)
     assert played[cell].state_hash == state_hash(recording)

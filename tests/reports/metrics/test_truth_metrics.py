@@ -41,9 +41,7 @@ def test_what_leaves_the_truth_is_measured(recordings, known, scene):
     right = known.ideal(recordings, scenario)
     k = scenario.body_index(scenario.truths[-1].body)
     turn = Rotation.from_rotvec((0.0, 0.02, 0.0))
-    moved = {
-        name: getattr(right, name).copy() for name in ("position", "linear_velocity", "angular_velocity")
-    }
+    moved = {n: getattr(right, n).copy() for n in ("position", "linear_velocity", "angular_velocity")}
     moved["position"][:, k] += (0.0, 0.003, 0.004)
     moved["linear_velocity"][:, k, 0] += 0.01
     moved["angular_velocity"][:, k, 2] += 0.05
@@ -135,9 +133,7 @@ def test_a_cube_that_lifts_tilts_and_creeps(recordings, known):
     right = known.ideal(recordings, scenario)
     position, orientation = right.position.copy(), right.orientation.copy()
     position[20:30, 2, 2] += 0.007
-    turned = Rotation.from_rotvec((0.03, 0.0, 0.0)) * Rotation.from_quat(
-        orientation[40, 3], scalar_first=True
-    )
+    turned = Rotation.from_rotvec((0.03, 0, 0)) * Rotation.from_quat(orientation[40, 3], scalar_first=True)
     orientation[40, 3] = turned.as_quat(scalar_first=True)
     time = right.time
     position[:, 1, 1] += 0.004 * np.maximum(0.0, time - 6.0 / (0.5 * 9.81))

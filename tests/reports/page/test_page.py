@@ -158,30 +158,23 @@ def test_studies_are_shown_as_text(made):
 SCENES = 40
 
 
-class Links(HTMLParser):
-    """Names of elements, and addresses of links."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.ids, self.links = [], []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        attributes = dict(attrs)
-        if "id" in attributes:
-            self.ids.append(attributes["id"])
-        if tag != "link" and "href" in attributes:
-            self.links.append(attributes["href"])
+def links(text):
+    """Addresses of links."""
+    return [
+        attributes["href"]
+        for tag, attributes in Elements(text).found
+        if tag != "link" and "href" in attributes
+    ]
 
 
 def dead_links(text, folder):
     """Links whose target is neither on the page nor beside it."""
-    found = Links(text)
-    assert len(set(found.ids)) == len(found.ids)
+    ids = [attributes["id"] for _, attributes in Elements(text).found if "id" in attributes]
+    assert len(set(ids)) == len(ids)
     return [
         link
-        for link in found.links
-        if not (link[1:] in found.ids if link.startswith("#") else (Path(folder) / link).exists())
+        for link in links(text)
+        if not (link[1:] in ids if link.startswith("#") else (Path(folder) / link).exists())
     ]
 
 
@@ -208,11 +201,11 @@ def many(made):
 def test_no_link_is_dead(many, made, tmp_path):
     """Every link has its target; every scene shown has one, whose fold names its command."""
     text = page(many)
-    links = Links(text).links
-    assert len([link for link in links if link.startswith("#scene-")]) >= SCENES + 2
+    found = links(text)
+    assert len([link for link in found if link.startswith("#scene-")]) >= SCENES + 2
     assert dead_links(text, tmp_path) == []
     assert dead_links(made.text, tmp_path) == []
-    assert "#scene-gone_scene" not in links
+    assert "#scene-gone_scene" not in found
     for k in range(SCENES):
         assert f"<code>touchstone run scene_{k}</code>" in text
 

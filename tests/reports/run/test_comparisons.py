@@ -276,18 +276,6 @@ def test_a_duel_with_oneself_is_1_within_its_interval(name):
     assert np.median(widths) < 1.2
 
 
-def test_two_measurements_overlap():
-    """Give intervals of one ratio that overlap in at least 90 % of 40 pairs of measurements."""
-    met = 0
-    for seed in range(40):
-        one, two = (
-            restart_ratio(restarted(rng, 3e-5), restarted(rng, 1e-4), MEASURES["mean"], np.arange(120))
-            for rng in (np.random.default_rng(2 * seed), np.random.default_rng(2 * seed + 1))
-        )
-        met += one.low <= two.high and two.low <= one.high
-    assert met >= 36
-
-
 def test_a_restart_that_is_disturbed_does_not_count():
     """Take each frame's median over restarts: one restart of ten times the time changes nothing."""
     rng = np.random.default_rng(0)

@@ -105,9 +105,7 @@ def test_the_scene_counts(monkeypatch):
     before = hash_of(CELL)
     _fresh_caches()
     text = content_hash.scenario_json
-    monkeypatch.setattr(
-        content_hash, "scenario_json", lambda scenario: text(scenario).replace("9.81", "9.82")
-    )
+    monkeypatch.setattr(content_hash, "scenario_json", lambda one: text(one).replace("9.81", "9.82"))
     assert hash_of(CELL) != before
 
 

@@ -323,9 +323,7 @@ def spheres(tmp_path):
 def test_answers_wrong_in_kind_are_named(monkeypatch, spheres, touchstone):
     """A gap for an overlap, a contact that is missed, and an answer that is right; each beside its pair."""
     said = {"reference.exact": (0.1, 0.0, 1.0), "coal": (np.nan, 0.0, np.nan), "bullet": (-0.5, 0.0, 1.0)}
-    monkeypatch.setattr(
-        narrow_phase, "measure", lambda *_: {name: answers(*each) for name, each in said.items()}
-    )
+    monkeypatch.setattr(narrow_phase, "measure", lambda *_: {n: answers(*each) for n, each in said.items()})
     code, out, err = touchstone("study narrow-phase --pairs", spheres, "--out", "out")
     assert code == 0, err
     lines = [line for line in out.splitlines() if line.startswith(("over", "touch", "apart"))]

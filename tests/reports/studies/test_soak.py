@@ -17,9 +17,7 @@ def _importable(monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
 
 
-SMALL = [
-    seed for seed in range(120) if len(random_scene(seed).bodies) < 4 and not random_scene(seed).trackers
-]
+SMALL = [k for k in range(120) if len(random_scene(k).bodies) < 4 and not random_scene(k).trackers]
 """Seeds of scenes that take little time."""
 
 

@@ -192,13 +192,7 @@ def test_the_cheapest_is_that_of_brute_force():
 
 @pytest.mark.parametrize(
     ("text", "unit", "value"),
-    [
-        ("1mm", "m", 1e-3),
-        (" 2.5 cm", "m", 0.025),
-        ("1e-3m", "m", 1e-3),
-        ("1%", "1", 0.01),
-        ("4ms", "s", 4e-3),
-    ],
+    [("1mm", "m", 1e-3), (" 2.5 cm", "m", 0.025), ("1e3m", "m", 1e3), ("1%", "1", 0.01), ("4ms", "s", 4e-3)],
 )
 def test_a_tolerance_has_a_unit(text, unit, value):
     assert tolerance(text, unit, "--x") == pytest.approx(value)

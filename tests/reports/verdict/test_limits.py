@@ -160,15 +160,7 @@ def test_a_limit_bounds_the_size(limits, value, verdict):
 def test_the_most_specific_limit_wins(limits):
     """More named fields win, wherever the limit stands; among equals the last; others do not apply."""
     ladder = [
-        Limit(
-            "overlap.max",
-            4.0,
-            "four",
-            engine="mujoco",
-            scenario="gallery",
-            profile="recommended",
-            subject="a-b",
-        ),
+        Limit("overlap.max", 4.0, "four", "mujoco", "gallery", "recommended", "a-b"),
         Limit("overlap.max", 3.0, "three", engine="mujoco", scenario="ball_snip", profile="recommended"),
         Limit("overlap.max", 2.0, "two", engine="mujoco", subject="a-b"),
         Limit("overlap.max", 1.0, "one", engine="mujoco"),

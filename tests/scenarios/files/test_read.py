@@ -113,10 +113,7 @@ def test_all_faults_are_told_at_once(scene):
         ('{"duration": 1,\n}', "x.json:2: not JSON: "),
         ("[1, 2]", "x.json:1: expected a table of fields"),
         ("[" * 100_000, "x.json: "),
-        (
-            '{"duration": 1.0,\n "bodies": [],\n\n "coefficients": 3}',
-            "x.json:4: coefficients: found 3, expected",
-        ),
+        ('{"duration": 1.0,\n "bodies": [],\n\n "coefficients": 3}', "x.json:4: coefficients: found 3"),
     ],
 )
 def test_json_is_refused_by_line(scene, text, expected):
@@ -395,7 +392,4 @@ def test_a_half_space_is_fixed(scene):
     plane = SHAPED.replace("SHAPE", '{ type = "half_space" }')
     still = plane.replace("simulated", "fixed").replace("mass = 2.0\n", "")
     assert scene(SOUND + still).bodies[1].pieces[0].shape == HalfSpace()
-    assert any(
-        "found a half-space on a simulated body, expected a fixed one" in line
-        for line in scene(SOUND + plane)
-    )
+    assert any("found a half-space on a simulated body" in line for line in scene(SOUND + plane))
