@@ -186,9 +186,7 @@ def ground() -> Body:
 
 def still(root: str, position: Vector, end: Vector | None = None, duration: float = 1.0) -> Tracker:
     """A tracker that rests, or goes to `end`."""
-    return Tracker(
-        root, (), (0.0, duration), (position, end or position), ((1.0, 0.0, 0.0, 0.0),) * 2, ((), ())
-    )
+    return Tracker(root, (), (0.0, duration), (position, end or position), ((1.0, 0, 0, 0),) * 2, ((), ()))
 
 
 def scene(

@@ -66,10 +66,6 @@ class Articulated:
         own = self._to_own_axes(posture) @ rates
         return float(pinocchio.computeKineticEnergy(self.model, self.data, posture, own))
 
-    def potential_energy(self, posture: Array) -> float:
-        """Potential energy in the scenario's gravity [J], 0 if all mass is at the world's origin."""
-        return float(pinocchio.computePotentialEnergy(self.model, self.data, posture))
-
     def _to_own_axes(self, posture: Array) -> Array:
         turned = np.eye(self.model.nv)
         rotation = Rotation.from_quat(posture[3:7]).as_matrix()

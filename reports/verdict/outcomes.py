@@ -84,8 +84,6 @@ SILENT = HARD_CLASSES[HARD_CLASSES.index("non-finite") : HARD_CLASSES.index("ok"
 """Failures of hard scenes that the engine did not announce."""
 SURVIVED = ("ok",)
 """Classes that count as survived."""
-GROSS = ("non-finite", "exploded", "sink-through", "tunnelled")
-"""Failures that the profile `balanced` must not show at 1/60 s."""
 
 
 @dataclass(frozen=True, slots=True)

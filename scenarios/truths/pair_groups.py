@@ -40,13 +40,6 @@ def grouped(
                         yield facts_of[code[row, k]], [names[row]], [names[k]]
 
 
-def ungrouped(bodies_a: Sequence[str], bodies_b: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Pairs of a group."""
-    for k, a in enumerate(bodies_a):
-        for b in bodies_b[k + 1 :] if bodies_a == bodies_b else bodies_b:
-            yield a, b
-
-
 def _classes(code: np.ndarray) -> list[list[int]]:
     """Rows that have the same facts with every row outside, and one fact among themselves, by sums of random
     numbers of 64 bits; a collision makes a block uneven, which is then listed pair by pair."""

@@ -56,9 +56,7 @@ def arm(effects=("gravity",), turn=True):
     bar = (s.Piece("bar", s.Box((0.05, 0.01, 0.01)), position=(0.05, 0.0, 0.0)),)
     common = {"center_of_mass": (0.04, 0.01, -0.005), "inertia": TENSOR}
     links = (
-        s.Body(
-            "root", "driven", "a", (), mass=2.0, center_of_mass=(0.01, 0.02, 0.03), inertia=diagonal(0.01)
-        ),
+        s.Body("root", "driven", "a", (), mass=2, center_of_mass=(0.01, 0.02, 0.03), inertia=diagonal(0.01)),
         s.Body("tip", "driven", "a", bar, mass=0.1, **common),
         s.Body("upper", "driven", "a", bar, mass=0.2, **common),
     )
@@ -108,7 +106,6 @@ def test_inertia_acts_in_the_body_axes():
 
 
 def test_unsupported_scenes_are_named():
-    """Pairs without factors and ellipsoids raise Unsupported and name the bodies."""
     bodies = [mover(s.Sphere(0.1), name, material=m) for name, m in zip("pqrs", "aabb")]
     with pytest.raises(Unsupported, match=r"bullet: no restitution per body .*r-s"):
         start(scene(*bodies, coefficients=((0.5, 0.5), (0.9, 0.5), (0.0, 0.5))))
@@ -116,9 +113,7 @@ def test_unsupported_scenes_are_named():
         start(scene(mover(s.Ellipsoid((0.1, 0.2, 0.3)))))
     with pytest.raises(Unsupported, match=r"bullet: friction must be 0 or up to 10, found 12 .*floor-mover"):
         start(scene(FLOOR, mover(s.Sphere(0.1)), coefficients=((0.5, 12.0),)))
-    with pytest.raises(
-        Unsupported, match="bullet: no profile 'paper'; valid: recommended, equal-step, default"
-    ):
+    with pytest.raises(Unsupported, match="bullet: no profile 'paper'; valid: recommended, equal-step"):
         BulletEngine().build(scene(FLOOR), Settings("paper", DT))
 
 
@@ -139,9 +134,7 @@ def test_a_body_of_many_pieces_rests_on_all_of_them():
     pieces = (
         s.Piece("hull 1", CUBE, position=(0.3, 0.0, 0.0), orientation=(half, 0.0, 0.0, half)),
         s.Piece("ball", s.Sphere(0.05 + MARGIN), position=(-0.3, 0.2, 0.0)),
-        s.Piece(
-            "box", s.Box((0.05 + MARGIN, 0.04, 0.03)), (-0.3, -0.2, 0.0), orientation=(half, 0.0, half, 0.0)
-        ),
+        s.Piece("box", s.Box((0.05 + MARGIN, 0.04, 0.03)), (-0.3, -0.2, 0.0), (half, 0.0, half, 0.0)),
         s.Piece("hull 2", CUBE, position=(0.5, 0.0, 0.0)),
     )
     table = mover(None, pieces=pieces, position=(0.0, 0.0, 0.05 + MARGIN), inertia=diagonal(1e-2),
@@ -158,7 +151,6 @@ def test_a_body_of_many_pieces_rests_on_all_of_them():
 
 @pytest.mark.parametrize("collide", [True, False])
 def test_only_touching_pairs_collide(collide):
-    """Links of one driven body meet only under self-collision and when not adjacent."""
     ball = (s.Piece("ball", s.Sphere(0.05)),)
     links = tuple(s.Body(name, "driven", "a", ball, mass=1.0, inertia=TENSOR) for name in "pqr")
     joints = tuple(s.Joint(b, a, b, (0.0, 0.0, 0.04), (0.0, 1.0, 0.0)) for a, b in ("pq", "qr"))
@@ -171,11 +163,8 @@ def test_only_touching_pairs_collide(collide):
     assert set(zip(rows["body_a"], rows["body_b"])) == ({(0, 2)} if collide else set())
 
 
-@pytest.mark.parametrize(
-    ("profile", "height"), [("default", MARGIN), ("recommended", 0.0), ("accurate", 0.0)]
-)
+@pytest.mark.parametrize(("profile", "height"), [("default", MARGIN), ("recommended", 0), ("accurate", 0)])
 def test_a_hull_rests_on_its_surface(profile, height):
-    """A hull hovers by the margin by default alone."""
     scenario = scene(FLOOR, mover(CUBE, position=(0.0, 0.0, 0.05 + height)))
     dt = BulletEngine.profiles[profile]
     final = record(BulletEngine(), scenario, Settings(profile, dt)).position[-1, 1, 2]
@@ -231,7 +220,6 @@ def test_friction_along_a_diagonal_differs() -> None:
 
 
 def test_mass_properties_are_ours() -> None:
-    """Read back mass and inertia of rigid bodies as the scenario gives them."""
     scenario = catalogue()["stack"]
     reported = BulletEngine().build(scenario, Settings("maximal", 1 / 240)).describe()
     assert reported.settings[RIGID] == len(scenario.bodies)

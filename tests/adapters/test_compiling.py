@@ -13,13 +13,7 @@ from touchstone.reference_impl.core.kernel import KERNELS
 
 @pytest.mark.parametrize(
     ("share", "elapsed", "usual", "left"),
-    [
-        (0.0, 0.0, 60.0, 60),
-        (0.05, 20.0, 60.0, 40),
-        (0.5, 30.0, 60.0, 30),
-        (0.5, 90.0, 60.0, 90),
-        (1, 9, 9, 5),
-    ],
+    [(0.0, 0.0, 60.0, 60), (0.05, 20.0, 60.0, 40), (0.5, 30.0, 60.0, 30), (0.5, 90, 60, 90), (1, 9, 9, 5)],
 )
 def test_time_left(share, elapsed, usual, left):
     """The usual time counts at first, then the compilation's own pace."""
@@ -53,7 +47,6 @@ def test_the_last_version_tells_the_usual_time(tmp_path):
 
 
 def test_a_damaged_note_tells_no_usual_time(tmp_path):
-    """Skip notes that make no sense."""
     for text in ("", "garbage", "nan"):
         (tmp_path / f"folder {text}").mkdir()
         (tmp_path / f"folder {text}" / progress.NOTE).write_text(text)

@@ -54,7 +54,6 @@ def settings(profile: str = "default") -> Settings:
 
 
 def test_it_plays_only_when_it_is_named():
-    """Drake is not among the engines that play by default."""
     assert "drake" not in DEFAULT_ENGINES
 
 
@@ -71,7 +70,6 @@ def test_a_setting_reaches_drake(profile, text, key, value):
 
 
 def test_every_setting_of_drake_is_read_back_here():
-    """READ_BACK has every setting; one without effect is refused with its reason."""
     assert {text.partition("=")[0] for _, text, *_ in READ_BACK} == set(settings_of("drake"))
     with pytest.raises(SettingError, match="relaxation_time: does nothing with approximation=lagged"):
         changes_of("drake", "default", ("relaxation_time=0.01",))
@@ -89,7 +87,6 @@ def test_a_contact_is_as_stiff_as_its_geometries():
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", ["recommended", "default", "tamsi"])
 def test_the_adapter_conforms(profile):
-    """The checks of conformance find no fault."""
     assert [(report.check, report.faults) for report in check("drake", profile) if report.faults] == []
 
 
@@ -202,11 +199,9 @@ def test_sap_lifts_what_slides(lab):
     """The convex approximation couples slip and normal: a ball that slides over a floor is thrown up."""
     ball = lab.ball(position=(0.0, 0.0, 0.05), linear_velocity=(2.0, 0.0, 0.0))
     scenario = lab.scene(lab.ground(), ball, mu=0.5, duration=0.1)
-    lifted = {
-        p: record(load("drake"), scenario, settings(p)).position[:, 1, 2].max() for p in ("sap", "default")
-    }
-    assert lifted["sap"] > 0.055
-    assert lifted["default"] < 0.0502
+    up = {p: record(load("drake"), scenario, settings(p)).position[:, 1, 2].max() for p in ("sap", "default")}
+    assert up["sap"] > 0.055
+    assert up["default"] < 0.0502
 
 
 @pytest.mark.slow

@@ -81,11 +81,23 @@ def box(lab):
     return partial(lab.block, "box", (HALF, HALF, HALF), (0.0, 0.0, HALF))
 
 
-def run_of(scenario, name, profile="recommended", dt=None):
-    """A scene that plays to its end on a profile, at its step or another."""
-    run = play(scenario, [(name, profile)], dt=dt)[name, profile]
-    assert run.status == "done", run.reason
-    return run
+@pytest.fixture(scope="module")
+def children():
+    """One process for each engine plays all scenes of this file: some take seconds to import."""
+    with Children(per_engine=True) as kept:
+        yield kept
+
+
+@pytest.fixture
+def run_of(children):
+    """Play a scene to its end on a profile, at its step or another."""
+
+    def run_of(scenario, name, profile="recommended", dt=None):
+        run = play(scenario, [(name, profile)], dt=dt, children=children)[name, profile]
+        assert run.status == "done", run.reason
+        return run
+
+    return run_of
 
 
 @pytest.mark.parametrize("name", PROFILES)
@@ -97,7 +109,6 @@ def test_they_play_only_when_they_are_named(name):
 
 @pytest.mark.parametrize(("name", "profile"), EACH)
 def test_the_adapter_conforms(name, profile):
-    """The checks of conformance find no fault."""
     assert [(report.check, report.faults) for report in check(name, profile) if report.faults] == []
 
 
@@ -125,7 +136,7 @@ def test_the_adapter_of_mujoco_warp_has_the_faults_of_mujoco(name, profile, faul
         *(needed("newton", p, 0.02, slow=True) for p in ("xpbd", "mujoco-elliptic", "steel", "kamino")),
     ],
 )
-def test_a_box_slides_as_far_as_coulomb_says(name, profile, largest, lab, box):
+def test_a_box_slides_as_far_as_coulomb_says(name, profile, largest, lab, box, run_of):
     """A box stops after v^2 / (2 mu g) straight ahead."""
     scenario = lab.scene(lab.ground(), box(linear_velocity=(SPEED, 0.0, 0.0)), mu=MU, duration=1.0)
     run = run_of(scenario, name, profile)
@@ -136,8 +147,7 @@ def test_a_box_slides_as_far_as_coulomb_says(name, profile, largest, lab, box):
     ("name", "profile"),
     [needed("rapier", "recommended"), needed("physx", "recommended"), needed("newton", "steel")],
 )
-def test_a_hull_rests_on_its_face(name, profile, lab, box):
-    """A cube of eight vertices stays where a box does."""
+def test_a_hull_rests_on_its_face(name, profile, lab, box, run_of):
     scenario = lab.scene(lab.ground(), box(), duration=0.2)
     ground, cube = scenario.bodies
     corners = tuple((x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF))
@@ -147,7 +157,7 @@ def test_a_hull_rests_on_its_face(name, profile, lab, box):
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_a_capsule_stands_along_its_z_axis(name, lab, box):
+def test_a_capsule_stands_along_its_z_axis(name, lab, box, run_of):
     """Upright on a flat ground, its centre is half its length and a radius above it."""
     scenario = lab.scene(lab.ground(), box(), duration=0.2, mu=MU)
     ground, cube = scenario.bodies
@@ -165,8 +175,7 @@ CARRYING = [
 
 
 @pytest.mark.parametrize(("name", "profile"), CARRYING)
-def test_a_prescribed_body_carries_another(name, profile):
-    """A load on a platform that moves too gently for it to slip has its velocity, to a step."""
+def test_a_prescribed_body_carries_another(name, profile, run_of):
     run = run_of(catalogue()["platform_stick"], name, profile)
     names = [body.name for body in catalogue()["platform_stick"].bodies]
     load, platform = (run.recording.linear_velocity[:, names.index(one), 0] for one in ("load", "platform"))
@@ -175,13 +184,11 @@ def test_a_prescribed_body_carries_another(name, profile):
 
 
 @pytest.mark.parametrize("name", [*BOTH, needed("newton", slow=True)])
-def test_a_posed_hand_pushes_a_ball(name, tmp_path):
-    """Driven links are kinematic under the drive `posed`, and push what they meet."""
+def test_a_posed_hand_pushes_a_ball(name, tmp_path, children):
     profile, dt = next(iter(profiles_of(name).items()))
     settings = Settings(profile, dt, drive="posed")
     job = Job(name, catalogue()["ball_snip"], settings, tmp_path / "run.npz", tmp_path / "output.txt")
-    with Children() as children:
-        (outcome,) = children.play([job], lambda label, frames: None)
+    (outcome,) = children.play([job], lambda label, frames: None)
     assert outcome.status == "done", outcome.reason
     assert np.linalg.norm(loaded(job.recording).linear_velocity[-1], axis=1).max() > 0.1
 
@@ -197,9 +204,9 @@ def test_a_posed_hand_pushes_a_ball(name, tmp_path):
         needed("newton", "kamino", "fall", "Kamino steps no scene in which nothing can touch"),
     ],
 )
-def test_what_cannot_be_represented_is_refused(name, profile, scene, reason):
+def test_what_cannot_be_represented_is_refused(name, profile, scene, reason, children):
     """One line says what the adapter or the solver lacks."""
-    run = play(catalogue()[scene], [(name, profile)])[name, profile]
+    run = play(catalogue()[scene], [(name, profile)], children=children)[name, profile]
     assert run.status == "skipped"
     assert run.reason.startswith(f"{name}: {reason}")
 
@@ -212,7 +219,7 @@ def test_what_cannot_be_represented_is_refused(name, profile, scene, reason):
         needed("newton", "kamino", None, slow=True),
     ],
 )
-def test_plates_hold_a_cube(name, profile, dt):
+def test_plates_hold_a_cube(name, profile, dt, run_of):
     """`grip`: friction of the plates carries the cube; each pair has its own."""
     scenario = catalogue()["grip"]
     run = run_of(scenario, name, profile, dt)
@@ -224,7 +231,7 @@ def test_plates_hold_a_cube(name, profile, dt):
 
 
 @pytest.mark.parametrize("name", [needed("rapier")])
-def test_friction_impulses_of_rapier_balance_the_momentum(name, lab, box):
+def test_friction_impulses_of_rapier_balance_the_momentum(name, lab, box, run_of):
     """In `accurate`, the impulses of a sliding box are the change of its momentum, at an odd heading."""
     velocity = SPEED * np.array([np.cos(0.7), np.sin(0.7), 0.0])
     scenario = lab.scene(lab.ground(), box(linear_velocity=tuple(velocity)), mu=MU, duration=0.2)
@@ -236,7 +243,7 @@ def test_friction_impulses_of_rapier_balance_the_momentum(name, lab, box):
 
 
 @pytest.mark.parametrize("name", [needed("rapier")])
-def test_rapier_takes_a_combine_rule_that_gives_each_pair_its_friction(name, lab):
+def test_rapier_takes_a_combine_rule_that_gives_each_pair_its_friction(name, lab, run_of):
     """Where no mean does, the product of both does; the manifest reads both back."""
     scenario = lab.scene(lab.ground(), lab.ball("one", (0.0, 0.0, 0.05)), lab.ball("two", (0.3, 0.0, 0.05)))
     floor, one, two = scenario.bodies
@@ -254,7 +261,7 @@ def test_rapier_takes_a_combine_rule_that_gives_each_pair_its_friction(name, lab
 
 
 @pytest.mark.parametrize("name", [needed("newton")])
-def test_friction_of_newton_has_a_factor_per_body(name, lab):
+def test_friction_of_newton_has_a_factor_per_body(name, lab, run_of):
     """Each pair has its own coefficient by the mean of both; the manifest reads it back."""
     scenario = lab.scene(lab.ground(), lab.ball("one", (0.0, 0.0, 0.05)), lab.ball("two", (0.1, 0.0, 0.05)))
     floor, one, two = scenario.bodies
@@ -277,7 +284,7 @@ def test_friction_of_newton_has_a_factor_per_body(name, lab):
 @pytest.mark.parametrize(("name", "profile", "rises"), [
     needed("physx", "default", False), needed("physx", "recommended", True),
 ])  # fmt: skip
-def test_physx_bounces_from_its_threshold_on(name, profile, rises, lab):
+def test_physx_bounces_from_its_threshold_on(name, profile, rises, lab, run_of):
     """A ball with e = 1 that falls 0.1 m meets the ground at 1.4 m/s: below 2 m/s, above 0.2 m/s."""
     scenario = lab.scene(lab.ground(), lab.ball("ball", (0.0, 0.0, 0.15)), e=1.0, duration=0.3)
     height = run_of(scenario, name, profile).recording.position[:, 1, 2]
@@ -291,7 +298,7 @@ def test_physx_bounces_from_its_threshold_on(name, profile, rises, lab):
         *(needed("newton", profile, slow=True) for profile in ("xpbd", "mujoco", "mujoco-elliptic", "steel")),
     ],
 )
-def test_hinges_follow_their_tracker(name, profile):
+def test_hinges_follow_their_tracker(name, profile, run_of):
     """A hand whose index finger snaps has its other hinges where its glove has them, to what the snap moves
     them; at the end all are there, and links that may not touch do not."""
     scenario = catalogue()["ball_snip"]
@@ -309,7 +316,7 @@ def test_hinges_follow_their_tracker(name, profile):
 
 
 @pytest.mark.parametrize(("name", "profile"), [needed("physx", p) for p in ("recommended", "pgs")])
-def test_torques_of_hinges_account_for_the_energy(name, profile):
+def test_torques_of_hinges_account_for_the_energy(name, profile, run_of):
     """The work of torques read back is the kinetic energy of a finger that bends in the open, to 10 %: at
     1/120 s, the first step speeds it up by a tenth."""
     run = run_of(swing(), name, profile)

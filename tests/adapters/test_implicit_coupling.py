@@ -1,6 +1,6 @@
 """Eq. 6 by the engines' implicit means: its closed form at any step, its static force, and any inertia."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise, product
 from types import SimpleNamespace
@@ -15,6 +15,7 @@ from touchstone.adapters.engines.implicit_coupling import RESOLVED, step_law
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, installed, missing_reason, profiles_of
 from touchstone.adapters.servo import Drive, starting_body
+from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.play import play
 from touchstone.scenarios.avatar.tracking import ease, sample
 from touchstone.scenarios.difficulty.family import families
@@ -83,11 +84,17 @@ def each(*names: str) -> list:
     ]
 
 
-def recorded(scenario: Scenario, name: str, profile: str) -> Recording:
-    """What a child process records."""
-    run = play(scenario, [(name, profile)])[name, profile]
-    assert run.status == "done", run.reason
-    return run.recording
+@pytest.fixture(scope="module")
+def recorded() -> Iterator[Callable[..., Recording]]:
+    """What a child process records: one for each engine plays all scenes of this file."""
+    with Children(per_engine=True) as children:
+
+        def recorded(scenario: Scenario, name: str, profile: str) -> Recording:
+            run = play(scenario, [(name, profile)], children=children)[name, profile]
+            assert run.status == "done", run.reason
+            return run.recording
+
+        yield recorded
 
 
 def closed_form(stiffness: float, damping: float, path: Array, start: Array, dt: float) -> Array:
@@ -167,7 +174,9 @@ def plates(lab: SimpleNamespace) -> tuple[Scenario, list[tuple[float, float]]]:
 
 
 @pytest.mark.parametrize(("name", "profile"), each("physx", "newton"))
-def test_free_plates_follow_the_closed_form_in_single_precision(lab, name: str, profile: str) -> None:
+def test_free_plates_follow_the_closed_form_in_single_precision(
+    lab, recorded, name: str, profile: str
+) -> None:
     """Move and turn as Eq. 6 has it, at the engine's own step; two profiles damp what turns."""
     scenario, kinds = plates(lab)
     recording, dt = recorded(scenario, name, profile), profiles_of(name)[profile]
@@ -186,7 +195,7 @@ def test_free_plates_follow_the_closed_form_in_single_precision(lab, name: str, 
 
 
 @pytest.mark.parametrize(("name", "profile"), each("rapier"))
-def test_motors_of_rapier_are_implicit_euler_in_each_substep(lab, name: str, profile: str) -> None:
+def test_motors_of_rapier_are_implicit_euler_in_each_substep(lab, recorded, name: str, profile: str) -> None:
     """Move as m (v' - v) = -h (K y' + R v') does in Rapier's substeps of h, for every mass and stiffness."""
     scenario, kinds = plates(lab)
     recording, dt = recorded(scenario, name, profile), profiles_of(name)[profile]
@@ -240,7 +249,7 @@ def test_a_plate_presses_with_its_spring(lab, registry, name: str, mass: float, 
 
 
 @pytest.mark.parametrize(("name", "profile"), each(*SINGLE))
-def test_a_plate_presses_with_its_spring_in_single_precision(lab, name: str, profile: str) -> None:
+def test_a_plate_presses_with_its_spring_in_single_precision(lab, recorded, name: str, profile: str) -> None:
     """Press with K times the distance from the tracker, by what the contacts of plate and box report."""
     mass, stiffness = 0.4, 1e3
     recording = recorded(pressing(lab, mass, stiffness), name, profile)
@@ -286,7 +295,7 @@ def test_the_added_inertia_feels_no_gravity(lab, registry, name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "profile"), each(*SINGLE))
-def test_a_driven_body_feels_no_gravity_in_single_precision(lab, name: str, profile: str) -> None:
+def test_a_driven_body_feels_no_gravity_in_single_precision(lab, recorded, name: str, profile: str) -> None:
     """Stay at a tracker that rests, with an off-centre mass and a turned inertia."""
     times, zero = np.arange(3) / 10, np.zeros((3, 3))
     body, tracker = plate(0.05, 1e4, 10.0, times, zero + 1.0, zero + 0.4)

@@ -30,9 +30,7 @@ ROUNDING = 1e-12
 def crowd(materials, **coefficients):
     """Balls p, q, r ... of the given materials; a pair's coefficient is given as ab=0.3, 0 otherwise."""
     balls = tuple(
-        Body(
-            name, "simulated", material, (Piece("ball", Sphere(0.1)),), 1.0, inertia=sphere_inertia(1.0, 0.1)
-        )
+        Body(name, "simulated", material, (Piece("b", Sphere(0.1)),), 1.0, inertia=sphere_inertia(1.0, 0.1))
         for name, material in zip("pqrstuvw", materials)
     )
     kinds = sorted(set(materials))
@@ -130,9 +128,7 @@ def test_engines_take_table_1_exactly_or_name_the_pairs(registry, name, material
             engine.build(scenario, registry.settings(name))
         return
     world = engine.build(scenario, registry.settings(name))
-    reported = {
-        (pair.body_a, pair.body_b): (pair.restitution, pair.friction) for pair in world.describe().pairs
-    }
+    reported = {(p.body_a, p.body_b): (p.restitution, p.friction) for p in world.describe().pairs}
     world.close()
     names = [body.name for body in scenario.bodies]
     for a, b in scenario.touching_pairs():

@@ -99,7 +99,6 @@ def test_random_scenes_on_a_platform(registry, seed):
 
 
 def test_prescribed_bodies_may_overlap(registry):
-    """Overlap removal leaves two prescribed bodies that overlap on their paths."""
     scene = carried(random_scene(5009), SPEED)
     seen = played(registry, scene)
     assert sum(body.kind == "prescribed" for body in scene.bodies) == 2
@@ -163,15 +162,12 @@ def test_a_belt_on_a_moving_platform(registry, lab, engine, turned):
 
 
 def test_who_cannot_play_them_says_so(registry, lab):
-    """Profile `paper` has no moving surfaces; Bullet and DART have one motion per body."""
     side = Piece("side", Box((0.1, 0.1, 0.1)), (0.0, 3.0, 0.0))
     scene = lab.scene(belt("fixed", side, surface_velocity=SPEED), *loads(), mu=0.5)
     with pytest.raises(Unsupported, match="paper has no moving surfaces"):
         registry.engine("reference").build(scene, Settings("paper", 1 / 60))
     for name in ("bullet", "dart"):
-        with pytest.raises(
-            Unsupported, match=f"{name}: the surfaces of the pieces of 'belt' move differently"
-        ):
+        with pytest.raises(Unsupported, match=f"{name}: the surfaces of the pieces of 'belt' move"):
             registry.engine(name).build(scene, Settings("recommended", 1 / 240))
 
 
@@ -207,9 +203,7 @@ def _carried(scene: Scenario) -> State:
 
 def test_the_mirror_image_moves_back(registry, lab):
     """The mirror image of a scene with a belt and a roller has the mirrored motion."""
-    scene = lab.scene(
-        belt(surface_velocity=SPEED, surface_angular_velocity=(0.0, 0.0, 0.3)), *loads(), mu=0.5
-    )
+    scene = lab.scene(belt(surface_velocity=SPEED, surface_angular_velocity=(0, 0, 0.3)), *loads(), mu=0.5)
     one, two = played(registry, scene), played(registry, mirrored(scene))
     # the forces at the corners of a box that turns are not unique
     assert np.abs(one.position * (-1, 1, 1) - two.position).max() < 1e-4

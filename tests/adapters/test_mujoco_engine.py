@@ -80,7 +80,6 @@ def play(world: World, scenario: Scenario, steps: int) -> list[State]:
 
 
 def test_hull_keeps_its_vertices() -> None:
-    """Keep all 42 vertices of a hull and place them to single precision."""
     world = ENGINE.build(scene(FLOOR, free("hull", SHAPES["hull"], 1.0)), SETTINGS)
     model = world._model
     assert model.mesh_graph[model.mesh_graphadr[0]] == 42
@@ -186,7 +185,6 @@ def test_ball_bounces(e: float) -> None:
 
 
 def test_settings_are_neutral() -> None:
-    """Switch off autoreset, sleep and damping and say so from the compiled model."""
     facts = ENGINE.build(scene(FLOOR, free("ball", SHAPES["sphere"], 1.0)), SETTINGS).describe().settings
     assert facts["autoreset"] is facts["sleep"] is False
     assert facts["dof_damping_max"] == facts["pair_margin_max"] == 0.0
@@ -276,9 +274,7 @@ def played(scenario: Scenario, count: int) -> tuple[list[tuple], int]:
 
 
 @pytest.mark.parametrize(("name", "count"), SCENES)
-def test_masks_give_the_contacts_of_explicit_pairs(
-    name: str, count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_masks_give_the_contacts_of_explicit_pairs(name: str, count: int, monkeypatch) -> None:
     """Play the same states and contacts to the bit, in the same order, with the same coefficients."""
     scenario = catalogue()[name]
     masked, listed = played(scenario, count)
@@ -310,9 +306,7 @@ def balls(bodies: Iterable[Body], coefficients: dict[str, tuple[float, float]]) 
 def facts(scenario: Scenario) -> tuple[dict[str, tuple[float, float]], int]:
     """(e, mu) of each pair as read back from the model, and the number of explicit pairs."""
     world = mujoco_engine.MujocoEngine().build(scenario, SETTINGS)
-    reported = {
-        pair.body_a + pair.body_b: (pair.restitution, pair.friction) for pair in world.describe().pairs
-    }
+    reported = {p.body_a + p.body_b: (p.restitution, p.friction) for p in world.describe().pairs}
     return reported, world._model.npair
 
 

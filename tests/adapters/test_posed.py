@@ -42,9 +42,7 @@ def test_links_are_where_they_are_shown(registry: SimpleNamespace, snip: Scenari
         world.drive(step)
         world.step()
         world.read(state)
-        touched += any(
-            ball in (row["body_a"], row["body_b"]) for row in state.contacts[: state.contact_count]
-        )
+        touched += any(ball in (r["body_a"], r["body_b"]) for r in state.contacts[: state.contact_count])
     posed = Posed(snip, snip.trackers[0], EQUAL)
     links = list(posed.links)
     np.testing.assert_allclose(state.position[links], posed.place[:, steps], atol=1e-12)

@@ -69,7 +69,6 @@ def test_in_the_open(lab: SimpleNamespace, registry: SimpleNamespace, name: str)
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_a_fall_is_left_alone(lab: SimpleNamespace, registry: SimpleNamespace, name: str) -> None:
-    """Fall to the bit as without sleeping."""
     scene = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, 50.0), linear_velocity=(1.0, 0.0, 0.0)))
     one, two = played(registry, name, scene, *STAGES), played(registry, name, scene)
     for field in ("position", "orientation", "linear_velocity", "angular_velocity"):
@@ -77,9 +76,7 @@ def test_a_fall_is_left_alone(lab: SimpleNamespace, registry: SimpleNamespace, n
 
 
 @pytest.mark.parametrize("name", ENGINES)
-def test_a_driven_body_is_followed_after_rest(
-    lab: SimpleNamespace, registry: SimpleNamespace, name: str
-) -> None:
+def test_a_driven_body_is_followed_after_rest(lab: SimpleNamespace, registry, name: str) -> None:
     """Drive a ball that has rested into a sleeping one, as without sleeping but for how far MuJoCo's may
     still have had to settle: by its speed at most, times the contact's 0.02 s."""
     rested = RESTED[name]

@@ -56,7 +56,6 @@ def test_commands_of_workflows_exist(text, monkeypatch, tmp_path):
 
 
 def test_both_workflows_call_the_same():
-    """GitHub's and GitLab's recipes have the same lines, those of the steps among them."""
     github, gitlab = (
         lines_of(yaml.safe_load(BLOCKS[n])) for n in (".github/workflows/physics.yml", ".gitlab-ci.yml")
     )
@@ -105,9 +104,7 @@ def test_the_citation_is_of_this_version():
     assert re.search(r"^## (.*)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1] == project["version"]
 
 
-@pytest.mark.parametrize(
-    "path", sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml")), ids=lambda p: p.stem
-)
+@pytest.mark.parametrize("path", sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml")))
 def test_issue_templates_ask_for_the_command(path):
     """A form has name, description and a required command or setting."""
     form = yaml.safe_load(path.read_text())

@@ -116,9 +116,7 @@ def faults(path: Path) -> Iterator[str]:
             if not PLACEHOLDER.search(file) and not any(name in parts_of(one)[1] for one in held(file)):
                 yield f"{where}: no {name} in {file}"
         for file in re.findall(r"(?<![\w/.-])((?:[\w-]+/)+[\w-]+\.(?:py|md|csv|toml))\b", text):
-            if file.startswith(tuple(f"{one}/" for one in OURS)) and not (
-                PLACEHOLDER.search(file) or held(file)
-            ):
+            if file.startswith(tuple(f"{o}/" for o in OURS)) and not (PLACEHOLDER.search(file) or held(file)):
                 yield f"{where}: no file {file}"
         for link in re.findall(r"\]\((?![a-z]+:|#)([^)#\s]+)", text if path.suffix == ".md" else ""):
             if not (path.parent / link).exists():
@@ -165,7 +163,6 @@ QUOTED = [
 
 @pytest.mark.parametrize(("page", "words", "constant"), QUOTED)
 def test_a_quoted_constant_has_its_value(page, words, constant):
-    """A page states the value that the code has."""
     module, _, name = constant.rpartition(".")
     value = getattr(import_module(f"touchstone.reference_impl.{module}"), name)
     text = " ".join((ROOT / "docs" / page).read_text("utf-8").split())
@@ -190,7 +187,6 @@ COUNTED = [
 
 @pytest.mark.parametrize(("page", "words", "count"), COUNTED)
 def test_a_quoted_count_is_right(page, words, count):
-    """A page states how many there are."""
     assert count()
     assert words.format(count()) in " ".join((ROOT / page).read_text("utf-8").split())
 

@@ -23,10 +23,8 @@ G = 9.81
 
 def play(scene: Scenario, rate: int, profile: str = "balanced", *changes: str) -> Recording:
     """A scene on the reference in steps of 1 / rate."""
-    settings = replace(
-        Settings(profile, ENGINES["reference"].profiles[profile]), dt=1 / rate, changes=changes
-    )
-    return record(load("reference"), replace(scene, frame_rate=rate), settings)
+    chosen = replace(Settings(profile, ENGINES["reference"].profiles[profile]), dt=1 / rate, changes=changes)
+    return record(load("reference"), replace(scene, frame_rate=rate), chosen)
 
 
 def error(scene: Scenario, rate: int, profile: str = "balanced", *changes: str) -> float:

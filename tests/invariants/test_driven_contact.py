@@ -116,9 +116,7 @@ def test_a_plate_presses_with_its_spring(profile: str, rate: int, stiffness: flo
 
 @pytest.mark.parametrize("rate", [30, 60, 240])
 @pytest.mark.parametrize(("stiffness", "mass"), [(1e5, 0.01), (1e4, 0.4), (1e4, 0.02)])
-def test_a_spring_with_little_damping_presses_with_its_force(
-    rate: int, stiffness: float, mass: float
-) -> None:
+def test_a_spring_with_little_damping_presses_with_its_force(rate: int, stiffness: float, mass: float):
     """Also where the coupling swings many times in a step, at 2 % of critical damping."""
     path = tracker("plate", lambda t: (0, 0, TOP - 0.01 * ramp(t, 0, 0.3)), 3.0, stiffness, mass, 0.02)
     box = block("box", "wood", BOX, 1.0, (0, 0, BOX[2]))
@@ -197,9 +195,7 @@ def test_a_palm_holds_a_cube_on_a_wall(profile: str) -> None:
     wall = Body("wall", "fixed", "wood", (Piece("wall", Box((0.1, 1, 1))),), position=(-0.12, 0, 1))
     cube = block("cube", "wood", (0.02,) * 3, 0.1, (0, 0, 0.5))
     path = tracker("palm", lambda t: (0.0401 - 0.0101 * ramp(t, 0, 0.05), 0, 0.5), 2.0, 2000.0, 0.5)
-    found = play(
-        (wall, plate("palm", (0.02, 0.03, 0.03), 0.5), cube), (path,), 60, profile, pad=0.7, wood=0.7
-    )
+    found = play((wall, plate("palm", (0.02, 0.03, 0.03), 0.5), cube), (path,), 60, profile, 0.7, 0.7)
     assert 0.5 - found.position[-1, 2, 2] < 1e-4
     assert np.ptp(found.position[-60:, 2], axis=0).max() < 1e-9
 

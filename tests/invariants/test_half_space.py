@@ -118,7 +118,6 @@ def test_a_cone_tips_where_its_weight_leaves_the_rim(turn: float) -> None:
 
 
 def test_a_cone_that_falls_gains_nothing() -> None:
-    """Gain no energy where a cone falls on its rim, its side and its apex."""
     turn = quaternion(Rotation.from_rotvec((2.3, 0.4, 0.0)))
     top = cone("cone", "wood", 0.05, 0.08, 0.3, (0.0, 0.0, 0.2), turn, spin=(3.0, 2.0, 12.0))
     pairs = (PairCoefficients("wood", "wood", 0.3, 0.4),)
@@ -140,9 +139,7 @@ def test_engines_play_their_own_planes(engine: str, offset: float) -> None:
     """A box rests on a plane that is posed by its body, its piece, or both, to a millimetre."""
     tilt = Rotation.from_rotvec((0.0, 0.2, 0.0))
     up = tilt.apply((0.0, 0.0, 1.0))
-    plane = Piece(
-        "plane", HalfSpace(), (0.3, 0.2, -offset), quaternion(Rotation.from_rotvec((0.0, 0.0, 0.4)))
-    )
+    plane = Piece("plane", HalfSpace(), (0.3, 0.2, -offset), quaternion(Rotation.from_rotvec((0, 0, 0.4))))
     floor = Body(
         "floor", "fixed", "wood", (plane,), position=vector(offset * up), orientation=quaternion(tilt)
     )

@@ -140,7 +140,5 @@ def test_every_law_is_measured_somewhere(rows, engine):
     """No law is skipped in all probes, nor known to be broken wherever it applies."""
     heavy = HEAVY.get((engine, FIRST[engine]), ())
     light = [scene for scene in PROBES if not scene.startswith(heavy)]
-    passed = [
-        row.metric for scene in light for row in rows(engine, FIRST[engine], scene) if row.verdict == "pass"
-    ]
+    passed = [r.metric for scene in light for r in rows(engine, FIRST[engine], scene) if r.verdict == "pass"]
     assert all(passed.count(law) >= 2 for law in LAWS)

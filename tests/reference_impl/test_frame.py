@@ -51,9 +51,7 @@ def trajectory(scenario, profile: str) -> np.ndarray:
 @pytest.mark.parametrize("gap", [0.0, 5e-7, -5e-7])
 def test_a_resting_ball_stays(lab: SimpleNamespace, profile: str, gap: float) -> None:
     """Hold a ball on the ground for ten seconds within a nanometre."""
-    world = lab.build(
-        lab.scene(lab.ball("ball", (0.3, 0.2, 0.05 + gap)), lab.ground(), e=0.5, mu=0.3), profile
-    )
+    world = lab.build(lab.scene(lab.ball("b", (0.3, 0.2, 0.05 + gap)), lab.ground(), e=0.5, mu=0.3), profile)
     start = world.bodies[0]["position"].copy()
     seen = lab.play(world, 600, lambda w: w.bodies[0]["position"].copy())
     assert np.abs(np.array(seen) - start).max() < 1e-9

@@ -172,9 +172,7 @@ def lagrangian(scenario: Scenario, times: Array) -> Array:
         )
         return np.concatenate([(u, v), np.linalg.solve(mass, force)])
 
-    found = solve_ivp(
-        slope, (0.0, times[-1]), np.zeros(4), t_eval=times, rtol=1e-12, atol=1e-13, method="DOP853"
-    )
+    found = solve_ivp(slope, (0, times[-1]), [0] * 4, t_eval=times, rtol=1e-12, atol=1e-13, method="DOP853")
     return np.array(found.y[:2])
 
 

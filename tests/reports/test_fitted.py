@@ -11,9 +11,7 @@ from touchstone.reports.views.render import NARROW, FittingConsole, console, pri
 from touchstone.reports.views.terminal import report
 
 COLUMNS = [("reference", "balanced"), ("reference", "paper")]
-COLUMNS += [
-    (engine, profile) for engine in ("dart", "bullet", "mujoco") for profile in ("recommended", "accurate")
-]
+COLUMNS += [(e, p) for e in ("dart", "bullet", "mujoco") for p in ("recommended", "accurate")]
 
 
 def _printed(width, thing):
@@ -34,7 +32,6 @@ def _wide():
 
 @pytest.mark.parametrize("width", [40, 60, 80, 112])
 def test_no_number_is_cut_off(width):
-    """Every number is printed whole, in tables that fit the width; the title is printed once."""
     text = _printed(width, lambda out: out.print(_wide()))
     assert max(map(len, text.splitlines())) <= width
     assert "…" not in text
@@ -43,7 +40,6 @@ def test_no_number_is_cut_off(width):
 
 
 def test_a_table_that_fits_is_one():
-    """Nothing changes where there is room."""
     text = _printed(200, lambda out: out.print(_wide()))
     assert text.count("a_scene_with_a_long_name_0") == 1
 
@@ -62,7 +58,6 @@ def test_a_run_with_eight_columns_fits_80():
 
 
 def test_the_width_off_a_terminal(monkeypatch):
-    """COLUMNS decides, or a width that suits files."""
     monkeypatch.delenv("COLUMNS", raising=False)
     assert console().width == NARROW
     monkeypatch.setenv("COLUMNS", "80")

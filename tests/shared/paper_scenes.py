@@ -25,9 +25,8 @@ def play(scenario: Scenario) -> Recording:
 
 def scene(*bodies: Body, e: float = 0.0, mu: float = 0.0, duration: float = 1.0, **fields) -> Recording:
     """Play a scene of wood."""
-    return play(
-        Scenario("test", "", (), bodies, duration, (PairCoefficients("wood", "wood", e, mu),), **fields)
-    )
+    pairs = (PairCoefficients("wood", "wood", e, mu),)
+    return play(Scenario("test", "", (), bodies, duration, pairs, **fields))
 
 
 def hand(x, *others: Body, y=0.0, turn=0.0, mass: float = 0.4, **fields) -> Recording:

@@ -43,9 +43,7 @@ def gripper(force: float = 20.0, friction: float = 0.5, reach: float = 0.04, mas
 <geom type="box" size="0.01 0.01 0.03" mass="{mass}" friction="{friction}"/></body>"""
         for name, side in (("left", -1), ("right", 1))
     )
-    motors = "".join(
-        f'<motor joint="slide_{name}" ctrlrange="-1 1" gear="{force}"/>' for name in ("left", "right")
-    )
+    motors = "".join(f'<motor joint="slide_{n}" ctrlrange="-1 1" gear="{force}"/>' for n in ("left", "right"))
     return f"""<mujoco><worldbody><body name="palm" pos="0 0 1"><freejoint/>
 <geom type="box" size="0.06 0.03 0.02" mass="0.5"/>{fingers}</body></worldbody>
 <actuator>{motors}</actuator></mujoco>"""
@@ -110,7 +108,6 @@ def test_inertia_is_compared_with_the_shape(check, inertia, text):
 
 
 def test_a_centre_of_mass_outside_the_shape_is_named(check):
-    """A centre half a metre above the box is 450 mm outside."""
     stated = 'range="-1 1"/><inertial pos="0.2 0 0.5" mass="1" diaginertia="0.0017 0.0142 0.0142"/><site'
     found = [one for one in check(arm(joint=stated)) if one.check == "inertia"]
     assert [one.text for one in found] == ["its centre of mass is 450 mm outside its shapes"]
@@ -170,9 +167,7 @@ def test_a_gripper_says_what_it_holds(check):
     """20 N at a friction of 0.5 hold 20 N: 2.04 kg; the weight of the fingers does not load their slides."""
     (found,) = check(gripper())
     assert (found.check, found.verdict) == ("grip", "note")
-    assert found.text == (
-        "open to 80 mm, close to 0 mm, press with 20 N and hold 2.04 kg at a friction of 0.5"
-    )
+    assert found.text == "open to 80 mm, close to 0 mm, press with 20 N and hold 2.04 kg at a friction of 0.5"
 
 
 def test_a_gripper_that_holds_nothing_is_a_fault(check):

@@ -25,9 +25,7 @@ def link(name: str, mass: str = "2", shape: str = "") -> str:
     return f'<link name="{name}">{inertial}{shape}</link>'
 
 
-def joint(
-    name: str, parent: str, child: str, kind: str = "revolute", limit: str = 'lower="-1" upper="2"'
-) -> str:
+def joint(name, parent, child, kind="revolute", limit='lower="-1" upper="2"') -> str:
     ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="0 0.5 1" rpy="0 0.2 -1.5"/>'
     limit = f'<limit {limit} effort="1" velocity="1"/>'
     return f'<joint name="{name}" type="{kind}">{ends}<axis xyz="0 0.6 0.8"/>{limit}</joint>'
@@ -48,9 +46,7 @@ ROBOTS = {
         link("world", ""), link("base"), link("arm"), joint("w", "world", "base", "fixed"),
         joint("a", "base", "arm"),
     )),
-    "its root turns on the world": ("r.urdf", urdf(
-        link("world", ""), link("arm"), joint("a", "world", "arm")
-    )),
+    "its root turns": ("r.urdf", urdf(link("world", ""), link("arm"), joint("a", "world", "arm"))),
     "its root has no mass": ("r.urdf", urdf(
         link("base", ""), link("arm"), joint("a", "base", "arm")
     )),
@@ -134,7 +130,6 @@ def test_a_missing_hinge_is_found(tmp_path):
 
 
 def test_faults_of_the_reader_have_the_line_of_the_file(tmp_path):
-    """A fault in an element without a name is found by its line, in URDF too."""
     path = tmp_path / "r.urdf"
     path.write_text(urdf(link("base"), link("arm"), "\n\n", joint("a", "base", "arm").replace(
         "<axis", '\n<axis xyz="1 0 0"/><axis'

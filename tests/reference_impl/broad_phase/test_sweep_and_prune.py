@@ -103,7 +103,6 @@ def test_pairs_are_all_pairs_frame_after_frame(counts: tuple[int, int, int], see
 
 @pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
 def test_pieces_may_teleport(counts: tuple[int, int, int]) -> None:
-    """Find all pairs when every piece, or one in ten, jumps anywhere."""
     rng = np.random.default_rng(4)
     scene = Scene(rng, counts)
     for share in (1.0, 0.1, 0.1, 1.0):
@@ -133,17 +132,14 @@ def test_huge_beside_tiny(counts: tuple[int, int, int], huge: float) -> None:
     rng = np.random.default_rng(6)
     scene = Scene(rng, counts)
     large = rng.random(len(scene.pieces)) < huge
-    power = np.where(
-        large[:, None], rng.uniform(0, 3, scene.half.shape), rng.uniform(-3, -1, scene.half.shape)
-    )
-    scene.place(rng.uniform(-3, 3, scene.center.shape), 10**power)
+    e = np.where(large[:, None], rng.uniform(0, 3, scene.half.shape), rng.uniform(-3, -1, scene.half.shape))
+    scene.place(rng.uniform(-3, 3, scene.center.shape), 10**e)
     for _ in range(3):
         scene.check()
         scene.move(rng.normal(size=scene.center.shape) * 0.1)
 
 
 def test_fixed_pieces_alone_make_no_pair() -> None:
-    """Find nothing, whatever is asked, in a scene that cannot move."""
     for count in (1, SPATIAL_HASH_PIECE_COUNT + 10):
         scene = Scene(np.random.default_rng(7), (count, 0, 0))
         assert scene.check() == 0
@@ -151,7 +147,6 @@ def test_fixed_pieces_alone_make_no_pair() -> None:
 
 @pytest.mark.parametrize("counts", [SIZES["few"], SIZES["many of all"]])
 def test_fixed_pieces_are_sorted_once(counts: tuple[int, int, int]) -> None:
-    """Read the boxes of fixed pieces when they are listed, and never again."""
     scene = Scene(np.random.default_rng(8), counts)
     before = [scene.found(kind) for kind in KINDS]
     for name in ("low", "high"):

@@ -28,9 +28,7 @@ def test_a_dropped_capsule_comes_to_rest_on_its_side(lab: SimpleNamespace, turn:
 
 def test_a_sliding_capsule_rolls_as_coulomb_says(lab: SimpleNamespace) -> None:
     """Turn sliding across the axis into rolling at v0 / (1 + I / m r^2), and keep it level and straight."""
-    world = lab.build(
-        lab.scene(capsule((0.0, 0.0, 0.05), linear_velocity=(0.0, 1.0, 0.0)), lab.ground(), mu=0.3)
-    )
+    world = lab.build(lab.scene(capsule((0.0, 0.0, 0.05), linear_velocity=(0, 1, 0)), lab.ground(), mu=0.3))
     lab.play(world, 60)
     body = world.bodies[0]
     # friction keeps the spin about the contact: m v0 r = (m r^2 + I) w

@@ -134,9 +134,7 @@ CORNER = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         (HalfSpace(), RoundedHull(CORNER, 0.2), (0.2, 0.2, 0.25), 0.05, (0, 0, 1)),
     ],
 )
-def test_closed_forms_of_cones_planes_and_rounded_shapes(
-    lab: SimpleNamespace, a, b, place, distance, normal
-) -> None:
+def test_closed_forms_of_cones_planes_and_rounded_shapes(lab: SimpleNamespace, a, b, place, distance, normal):
     """Measure shapes at known distances, in either order, turned anyhow."""
     for about in (Rotation.identity(), Rotation.from_rotvec((0.3, -0.7, 0.4))):
         one, two = lab.piece(a, (0, 0, 0), about), lab.piece(b, about.apply(place), about)

@@ -145,9 +145,7 @@ def moved(piece: Piece, turn: Rotation, shift: np.ndarray) -> Piece:
     """A piece turned about the world's origin, then shifted."""
     own = Rotation.from_quat(np.array(piece.orientation), scalar_first=True)
     position = tuple((turn.apply(piece.position) + shift).tolist())
-    return replace(
-        piece, position=position, orientation=tuple((turn * own).as_quat(scalar_first=True).tolist())
-    )
+    return replace(piece, position=position, orientation=tuple((turn * own).as_quat(scalar_first=True)))
 
 
 def scaled(piece: Piece, factors: np.ndarray) -> Piece:

@@ -93,14 +93,8 @@ def random_hull(rng: np.random.Generator, count: int) -> Hull:
 def random_shape(rng: np.random.Generator) -> Shape:
     """A hull of few or many points, a box, a ball or an elliptic hull, about 1 m wide."""
     half = tuple((0.3 * np.exp(rng.normal(size=3) * 0.4)).tolist())
-    shapes = (
-        random_hull(rng, 8),
-        random_hull(rng, 60),
-        Box(half),
-        Sphere(half[0]),
-        Hull(elliptic_hull(half)),
-    )
-    return shapes[rng.integers(len(shapes))]
+    kinds = (random_hull(rng, 8), random_hull(rng, 60), Box(half), Sphere(half[0]), Hull(elliptic_hull(half)))
+    return kinds[rng.integers(len(kinds))]
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3])

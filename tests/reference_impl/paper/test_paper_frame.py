@@ -83,7 +83,6 @@ def test_only_the_driven_object_leaves_a_fixed_one(lab: SimpleNamespace) -> None
 
 
 def test_driven_objects_move_half_each(lab: SimpleNamespace) -> None:
-    """Part two driven balls by half of their depth each."""
     world = driven_world(lab, [(-0.2, 0.0, 0.0), (0.2, 0.0, 0.0)])
     place(world, (-0.04, 0.0, 0.0), (0.04, 0.0, 0.0))
     play(world, 1)
@@ -91,7 +90,6 @@ def test_driven_objects_move_half_each(lab: SimpleNamespace) -> None:
 
 
 def test_simulated_objects_move_half_each(lab: SimpleNamespace) -> None:
-    """Part two simulated balls, light and heavy, by half of their depth each."""
     balls = (lab.ball("one", (-0.2, 0.0, 0.0), mass=0.01), lab.ball("two", (0.2, 0.0, 0.0)))
     world = build(lab.scene(*balls))
     for row, x in zip(world.bodies, (-0.04, 0.04)):
@@ -102,7 +100,6 @@ def test_simulated_objects_move_half_each(lab: SimpleNamespace) -> None:
 
 
 def test_the_driven_object_leaves_a_simulated_one(lab: SimpleNamespace) -> None:
-    """Move the driven ball alone out of a simulated one."""
     world = driven_world(lab, [(-0.3, 0.0, 0.0)], lab.ball("ball", (0.0, 0.0, 0.0)), gravity=(0.0, 0.0, 0.0))
     place(world, (-0.08, 0.0, 0.0))
     before = simulated(world)["position"].copy()
@@ -113,9 +110,7 @@ def test_the_driven_object_leaves_a_simulated_one(lab: SimpleNamespace) -> None:
 
 def test_the_simulated_object_moves_where_the_driven_one_cannot(lab: SimpleNamespace) -> None:
     """Move a simulated ball away that stands in the last free state of a driven one held by two walls."""
-    walls = [
-        lab.block(f"wall_{side}", (0.5, 1.0, 1.0), (side * 0.55, 0.0, 0.0), kind="fixed") for side in (-1, 1)
-    ]
+    walls = [lab.block(f"wall_{s}", (0.5, 1.0, 1.0), (s * 0.55, 0.0, 0.0), kind="fixed") for s in (-1, 1)]
     ball = lab.ball("ball", (0.0, 0.09, 0.0))
     world = driven_world(lab, [(0.0, -0.5, 0.0)], *walls, ball, gravity=(0.0, 0.0, 0.0))
     for field in ("position", "target_position", "old_target_position", "free_position"):
@@ -127,9 +122,7 @@ def test_the_simulated_object_moves_where_the_driven_one_cannot(lab: SimpleNames
 
 def test_opposing_normals_need_the_interpolation(lab: SimpleNamespace) -> None:
     """Bring a driven ball that two walls overlap from both sides back towards where it came from (4b)."""
-    walls = [
-        lab.block(f"wall_{side}", (0.5, 1.0, 1.0), (side * 0.54, -1.0, 0.0), kind="fixed") for side in (-1, 1)
-    ]
+    walls = [lab.block(f"wall_{s}", (0.5, 1.0, 1.0), (s * 0.54, -1.0, 0.0), kind="fixed") for s in (-1, 1)]
     world = driven_world(lab, [(0.0, 0.2, 0.0)], *walls)
     play(world, 1)
     place(world, (0.0, -0.2, 0.0))

@@ -58,9 +58,7 @@ def thrown(lab: SimpleNamespace, profile: str, half: float, end, kind: str = "fi
 @pytest.mark.parametrize("half", [5e-4, 0.02, 0.1])
 @pytest.mark.parametrize("speed", [1.0, 3.0, 100.0])
 @pytest.mark.parametrize("profile", SWEPT)
-def test_a_jump_through_a_wall_ends_before_it(
-    lab: SimpleNamespace, profile: str, half: float, speed: float
-) -> None:
+def test_a_jump_through_a_wall_ends_before_it(lab: SimpleNamespace, profile: str, half: float, speed: float):
     """Stay on the near side of a wall of 1 mm to 20 cm, free, however far the tracker jumped."""
     world = thrown(lab, profile, half, (speed, 0.0, 0.0))
     x = world.drivers[0]["position"][0]

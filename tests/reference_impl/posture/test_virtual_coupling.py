@@ -88,7 +88,5 @@ def test_a_steady_tracker_is_kept_up_with() -> None:
         follow_tracker(rows[0], 1 / 60)
     np.testing.assert_allclose(rows["position"], rows["target_position"], atol=1e-13)
     np.testing.assert_allclose(rows["velocity"][0], pace, atol=1e-12)
-    np.testing.assert_allclose(
-        np.abs(rows["orientation"][0] @ rows["target_orientation"][0]), 1.0, atol=1e-14
-    )
+    np.testing.assert_allclose(np.abs(rows["orientation"][0] @ rows["target_orientation"][0]), 1, atol=1e-14)
     np.testing.assert_allclose(rows["omega"][0], spin, atol=1e-12)

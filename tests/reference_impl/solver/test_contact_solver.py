@@ -98,9 +98,7 @@ def test_sliding_ends_within_a_frame(lab: SimpleNamespace, heading: float) -> No
 def test_bounces_do_not_use_up_a_frame(lab: SimpleNamespace) -> None:
     """Let balls of e = 0.97 come to rest in `accurate`: ever shorter bounces do not exceed the events of a
     frame, for those beyond half of them count as crowded."""
-    drops = [
-        lab.ball(f"ball_{k}", (0.2 * k, 0.0, 0.05 + 1e-4 + 3e-6 * k), radius=0.05, mass=1.0) for k in range(6)
-    ]
+    drops = [lab.ball(f"ball_{k}", (0.2 * k, 0.0, 0.05 + 1e-4 + 3e-6 * k), radius=0.05) for k in range(6)]
     world = lab.build(lab.scene(*drops, lab.ground(), e=0.97), "accurate")
     reported = lab.play(world, 40, watch=lab.counters)
     assert max(frame["events"] for frame in reported) > 16

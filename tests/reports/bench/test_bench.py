@@ -28,7 +28,6 @@ from touchstone.reports.verdict.limits import Limit
 
 @pytest.mark.parametrize("name", BENCHES)
 def test_a_full_folder_is_refused(name: str, tmp_path: Path) -> None:
-    """Keep what is there, before anything is measured."""
     (tmp_path / "mine").touch()
     with pytest.raises(OutputError, match="not an empty folder"):
         load(name).run(tmp_path, quietly)
@@ -48,8 +47,6 @@ def test_an_interrupted_bench_leaves_nothing(name: str, tmp_path: Path) -> None:
 
 
 def test_a_broken_limit_fails_the_command(monkeypatch, touchstone) -> None:
-    """End with exit 1 and the reason where a limit is broken, 0 where it holds."""
-
     row = Row("bench scaling", BROAD_PHASE, "reference", "balanced", nan, "scaling.exponent", 1.0, "1")
     for largest, wanted in ((0.9, 1), (1.1, 0)):
         monkeypatch.setattr(limits, "LIMITS", (Limit("scaling.exponent", largest, "as asked"),))
@@ -65,9 +62,7 @@ OTHER = "coal"
 def test_exponents_of_power_laws_are_exact() -> None:
     """Give the exponent of times that follow one, a time per size, and the limit of the broad phase."""
     sizes = [100, 1000, 10_000]
-    steep, flat = (
-        [np.full(5, scale * n**power) for n in sizes] for scale, power in ((1e-7, 1.2), (1e-6, 0.4))
-    )
+    steep, flat = ([np.full(5, a * n**p) for n in sizes] for a, p in ((1e-7, 1.2), (1e-6, 0.4)))
     curves = [
         Curve(BROAD_PHASE, "pieces", "reference", "balanced", nan, sizes, steep),
         Curve(VERTICES, "vertices", OTHER, "default", nan, sizes, flat),
@@ -83,7 +78,6 @@ def test_exponents_of_power_laws_are_exact() -> None:
 
 
 def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> None:
-    """Time every engine at every size, the reference at more; one that dies is a row with its reason."""
     monkeypatch.setattr("touchstone.reports.bench.scaling.installed", lambda name: name != "mujoco")
     curves = balls_at_rest([2, 4], [6], 2, 3, tmp_path, quietly, fakes[0])
     found = {curve.engine: curve for curve in curves}

@@ -58,7 +58,6 @@ def rows(registry):
 
 
 def test_ratios_are_exact(rows) -> None:
-    """Give the reference over every engine in all statistics, exactly."""
     found = [row for row in rows if row.metric in RATIOS]
     assert {row.metric for row in found} == set(RATIOS)
     for row in found:
@@ -72,7 +71,6 @@ def test_ratios_are_exact(rows) -> None:
 
 
 def test_equal_steps_are_equal(rows) -> None:
-    """Compare `equal-step` only with `equal-step`, where all recordings, the reference's too, have one dt."""
     steps = {f"{row.engine} {row.profile}": row.dt for row in rows if row.metric == "time.frame"}
     ratios = [row for row in rows if row.metric.startswith(RATIO)]
     for row in ratios:
@@ -85,22 +83,15 @@ def test_equal_steps_are_equal(rows) -> None:
 
 def test_factors_multiply_to_the_ratio(rows) -> None:
     """Split a ratio into steps, dynamics and time per step: 1/3 * 1/2, 1/2 and 3 for DART."""
-    found = {
-        row.metric: row.value
-        for row in rows
-        if row.subject == "dart recommended" and row.profile == "balanced"
-    }
+    found = {r.metric: r.value for r in rows if r.subject == "dart recommended" and r.profile == "balanced"}
     assert [found[name] for name in FACTORS] == pytest.approx([1 / 6, 0.5, 3.0])
     assert prod(found[name] for name in FACTORS) == pytest.approx(found[RATIO])
-    none = {
-        row.metric: row for row in rows if row.subject == "bullet recommended" and row.profile == "balanced"
-    }
+    none = {r.metric: r for r in rows if r.subject == "bullet recommended" and r.profile == "balanced"}
     assert none["ratio.dynamics"].reason == "no driven body"  # no posed column at the common step
     assert none["ratio.steps"].value * none["ratio.step"].value == pytest.approx(none[RATIO].value)
 
 
 def test_only_frames_with_contact_are_judged(registry) -> None:
-    """Take the mean over the frames in which either has a contact; all frames count beside it."""
     takes = taken(registry)
     contact = contact_frames(takes["ball_snip", "reference", "balanced"].first)
     assert 0 < contact.sum() < len(contact)
@@ -139,9 +130,7 @@ def test_a_limit_is_at_most_half_above_what_was_measured(
     ]
     assert [(row.subject, row.verdict) for row in found] == [("dart recommended", verdict)]
     assert found[0].limit == pytest.approx(limit)
-    assert ("misses its target 0.15; with contact its time goes to" in found[0].reason) == (
-        verdict == "known"
-    )
+    assert ("misses its target 0.15; with contact its time" in found[0].reason) == (verdict == "known")
 
 
 CLOSE = "touchstone bench frame ball_snip decides"
@@ -207,9 +196,7 @@ def test_one_run_is_confirmed_by_the_interval_of_its_medians(monkeypatch) -> Non
     theirs = ratios.Timed("dart", "recommended", 1 / 1020, np.full((1, 180), 1e-5), contact)
     for mine, verdict in ((busy, ""), (np.full((1, 180), 3e-6), "fail")):
         ours = ratios.Timed("reference", "balanced", 1 / 60, mine, contact)
-        row = next(
-            row for row in ratios.ratio_rows("run", SCENE, [ours, theirs], True) if row.metric == RATIO
-        )
+        row = next(r for r in ratios.ratio_rows("run", SCENE, [ours, theirs], True) if r.metric == RATIO)
         assert row.low > 0.15
         assert row.verdict == verdict
 
@@ -254,7 +241,6 @@ def test_overlap_fails_what_aims_at_a_ratio(monkeypatch, shown) -> None:
 
 
 def test_a_failed_column_says_why(registry, shown) -> None:
-    """Show the reason of a column that failed, and all others."""
     takes = taken(registry)
     takes["ball_snip", "mujoco", "recommended"] = Take(
         "mujoco", Settings("recommended", 1 / 540), ended=("missing", "not installed")
@@ -268,7 +254,6 @@ def test_a_failed_column_says_why(registry, shown) -> None:
 
 
 def test_every_restart_is_a_process_in_drawn_order(monkeypatch, tmp_path: Path, registry) -> None:
-    """Start each engine again for each restart, on the last core, in an order that the seed draws."""
     started: list[tuple[str, int | None]] = []
     base = registry.played("ball_snip", "reference")
     reads: list[bool] = []

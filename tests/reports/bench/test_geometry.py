@@ -58,9 +58,7 @@ def test_geometry_has_all_rows(measured) -> None:
     per_family = {"time.query", "time.net", "depth.error.max", "exception"}
     certificates = {"certificate.open", "certificate.false"}
     for family in (*FAMILIES, MOTION):
-        ours, theirs = (
-            rows[(rows.engine == name) & (rows.scenario == family)] for name in (REFERENCE, OTHER)
-        )
+        ours, theirs = (rows[(rows.engine == n) & (rows.scenario == family)] for n in (REFERENCE, OTHER))
         extra = certificates if family == MOTION else set()
         assert sorted(ours.metric) == sorted({*per_family, *extra, "ratio.time"})
         assert sorted(theirs.metric) == sorted(per_family)
@@ -72,7 +70,6 @@ def test_geometry_has_all_rows(measured) -> None:
 
 
 def test_geometry_skips_what_is_missing(measured, shown) -> None:
-    """Skip a detector that is not installed, once, with the reason; show it."""
     rows = measured[0]
     absent = rows[rows.engine == ABSENT]
     reason = "not installed (pip install no_such_package)"
@@ -81,7 +78,6 @@ def test_geometry_skips_what_is_missing(measured, shown) -> None:
 
 
 def test_geometry_judges_where_a_figure_is_asked(measured) -> None:
-    """Judge one ratio and the certificates by their limits, and nothing else."""
     rows = measured[0]
     judged = rows[rows.limit.notna()]
     assert set(zip(judged.metric, judged.scenario)) == {
@@ -155,9 +151,7 @@ def test_certificates_tell_open_from_false(truth) -> None:
     moving = np.flatnonzero(truth.family == MOTION)
     mine.failures = {int(k): Failure(UNCONVERGED, "test") for k in moving[:9]}
     mine.distance[moving[[0, 20, 21, 22]]] += 1e-6
-    rows = {
-        row.metric: row.value for row in rows_of_bench(truth, {REFERENCE: mine}) if row.scenario == MOTION
-    }
+    rows = {r.metric: r.value for r in rows_of_bench(truth, {REFERENCE: mine}) if r.scenario == MOTION}
     assert rows["certificate.open"] == pytest.approx(9 / 45)
     assert rows["certificate.false"] == 3
 
@@ -169,9 +163,7 @@ def test_certificates_that_did_not_hold_are_open(truth) -> None:
     mine.held = np.full(len(truth.pairs), nan)
     mine.held[moving] = 1.0
     mine.held[moving[:15]] = 0.0
-    rows = {
-        row.metric: row.value for row in rows_of_bench(truth, {REFERENCE: mine}) if row.scenario == MOTION
-    }
+    rows = {r.metric: r.value for r in rows_of_bench(truth, {REFERENCE: mine}) if r.scenario == MOTION}
     assert rows["certificate.open"] == pytest.approx(15 / 45)
     assert rows["certificate.false"] == 0
 
@@ -221,7 +213,6 @@ def test_the_hand_slides_near_the_table() -> None:
 
 
 def test_hulls_have_the_vertices_asked_for() -> None:
-    """Give hulls whose vertices are all corners, that touch by 5 mm at first and stay in touch."""
     from scipy.spatial import ConvexHull
 
     for count in (50, 700):
@@ -247,7 +238,6 @@ def test_warm_is_compared_with_warm_alone(truth) -> None:
 
 @pytest.mark.parametrize("moving", [False, True])
 def test_warm_coal_answers_as_cold_coal(truth, moving: bool) -> None:
-    """Give the same distances from the guess of a frame before as from none."""
     chosen = truth.family == MOTION if moving else truth.family != MOTION
     pairs = [truth.pairs[k] for k in np.flatnonzero(chosen)]
     warm = load("coal.warm").follow(pairs, 15) if moving else load("coal.warm").prepare(pairs)

@@ -71,17 +71,13 @@ def test_a_file_adds_limits_and_replaces_ours(here, tmp_path):
     [
         ('[[limits]]\nmetric = "overlap.mx"\nlargest = 1', "l.toml:2: limits[0].metric: unknown metric"),
         ('[[limits]]\nmetric = "overlap.max"', "l.toml:1: limits[0].largest: missing"),
-        (
-            '[[limits]]\nmetric = "work"\nlargest = 1\nmost = 2',
-            "l.toml:4: limits[0].most: unknown field 'most'",
-        ),
+        ('[[limits]]\nmetric = "work"\nlargest = 1\nmost = 2', "l.toml:4: limits[0].most: unknown field"),
         ('[[limits]]\nmetric = "work"\nlargest = 1\nengine = "bulet"', "l.toml:4: limits[0].engine: unknown"),
         ("limits = []\nlimit = 1", "l.toml:2: limit: unknown field 'limit'"),
         ("", "l.toml:1: limits: missing"),
     ],
 )
 def test_wrong_limits_exit_with_their_line(refused, tmp_path, text, line):
-    """Name file, line and field, and exit with 2 before anything is played."""
     (tmp_path / "l.toml").write_text(text)
     assert line in refused("run fall --limits l.toml")
 
@@ -98,7 +94,6 @@ def test_metrics_by_pattern(here, refused):
 
 
 def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
-    """The JSON of `show` can be shown, with the same bodies; `schema` prints what describes it."""
     _, out, _ = touchstone("show ball_snip --format json")
     (tmp_path / "again.json").write_text(out)
     assert touchstone("show again.json --format json")[1] == out
@@ -118,7 +113,6 @@ def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
     ],
 )
 def test_wrong_files_exit_with_one_line(refused, tmp_path, command, line):
-    """Exit with 2 and the file's name, without a traceback."""
     text = scene_json(catalogue()["fall"])
     (tmp_path / "fall.json").write_text(text)
     (tmp_path / "bad.json").write_text('{"coefficients": [], "bodies": [],\n "duration": "x"}')

@@ -39,7 +39,6 @@ def pressing(recordings, scenario, share=1.0, along=(0.0, 0.0, 0.0)):
 
 @pytest.mark.parametrize(("share", "missed"), [(1.0, 0.0), (0.5, 0.5), (1.2, 0.2), (0.0, 1.0)])
 def test_impulse_balance_of_a_body_at_rest(recordings, known, resting, share, missed):
-    """Impulses that carry a share of the weight miss the motion by the rest of it."""
     found = known.value("contact.impulse_balance", pressing(recordings, resting, share), resting)
     assert found == {"ball": pytest.approx(missed, abs=1e-9)}  # 120 sums
 
@@ -66,10 +65,8 @@ def test_impulse_balance_counts_sides_and_frames(lab, recordings, known):
     velocity[3:, 0, 0] = 4.0  # hit in the third frame
     for frame, missed in ((2, 0.0), (1, 2.0)):
         row = {"time": frame / 60 + DT, "body_b": 1, "normal": UP, "impulse": (-4.0 * MASS, 0.0, 0.0)}
-        recording = recordings.recording(
-            scenario, linear_velocity=velocity, contacts=recordings.contacts(row)
-        )
-        found = known.value("contact.impulse_balance", recording, scenario)
+        played = recordings.recording(scenario, linear_velocity=velocity, contacts=recordings.contacts(row))
+        found = known.value("contact.impulse_balance", played, scenario)
         assert found == {"ball": pytest.approx(missed, abs=1e-9)}
 
 
@@ -91,9 +88,7 @@ def test_a_body_in_free_flight_has_no_impulses_to_balance(lab, recordings, known
 
 def test_energy_from_nowhere_is_the_largest_rise(lab, recordings, known):
     """A free body whose speed jumps and sags gains the largest rise over any window, spin included."""
-    scenario = lab.scene(
-        lab.ground(), lab.ball(position=(0.0, 0.0, 9.0), mass=MASS), effects=(), duration=0.1
-    )
+    scenario = lab.scene(lab.ground(), lab.ball(position=(0, 0, 9), mass=MASS), effects=(), duration=0.1)
     speed, spin = np.array([3.0, 1.0, 2.0, 2.0, 1.5, 3.5, 0.0]), np.array([0, 0, 0, 0, 0, 7.0, 0])
     columns = known.path(scenario, 1, (0.0, 0.0, 9.0), np.outer(speed, [0.6, 0.0, 0.8]))
     columns["angular_velocity"] = np.zeros((7, 2, 3))
@@ -105,7 +100,6 @@ def test_energy_from_nowhere_is_the_largest_rise(lab, recordings, known):
 
 
 def test_falling_and_losing_inject_nothing(lab, recordings, known):
-    """Free fall trades height for speed; a ball that bounces lower only loses."""
     scenario = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, 1.05)), duration=1.5)
     gap, speed = known.bouncing(np.arange(91) / 60, 1.0, 0.7)
     zero = 0 * gap
@@ -257,7 +251,6 @@ def test_full_reversal_is_half_a_turn(recordings, known, resting):
     ],
 )
 def test_what_did_not_happen_is_not_measured(recordings, known, resting, name, reason):
-    """A recording without contacts, stages or counters has no such value, with the reason."""
     with pytest.raises(NotMeasured, match=reason):
         known.value(name, recordings.recording(resting), resting)
 
@@ -310,7 +303,6 @@ def test_newtons_law_per_contact(recordings, known, before, after, breach):
 
 
 def test_breaches_are_weighted_by_impulse(recordings, known):
-    """A contact without impulse, or one that pulls, weighs nothing."""
     scenario = catalogue()["bounce_e05"]
     rows = [
         {"body_b": 1, "normal": UP, "impulse": (0.0, 0.0, j), "velocity_b_after": (0.0, 0.0, v)}
@@ -337,9 +329,7 @@ def test_a_contact_beside_the_touch(recordings, known, early):
 def test_contacts_in_touch_are_at_no_distance(recordings, known):
     """A body that lies, slides or overlaps has no gap."""
     scenario = catalogue()["slide"]
-    rows = [
-        {"time": k / 60, "body_b": 1 + k % 3, "normal": UP, "impulse": (0.0, 0.0, 0.1)} for k in range(90)
-    ]
+    rows = [{"time": k / 60, "body_b": 1 + k % 3, "normal": UP, "impulse": (0, 0, 0.1)} for k in range(90)]
     recording = known.ideal(recordings, scenario, contacts=recordings.contacts(*rows))
     # the oracle's 1e-8 m
     assert known.value("contact.at_distance", recording, scenario)[""] < 1e-8
@@ -350,7 +340,6 @@ def test_contacts_in_touch_are_at_no_distance(recordings, known):
 
 
 def test_without_pressing_contacts_nothing_is_measured(recordings, known):
-    """No contact, or none that presses, is not measured."""
     scenario = catalogue()["bounce_e1"]
     empty = known.ideal(recordings, scenario)
     pulling = struck(recordings, known, scenario, 0.1, impulse=(0.0, 0.0, -1.0))

@@ -80,7 +80,6 @@ def flight(frames, start, velocity, **bounce):
 @pytest.mark.parametrize("half", PLATES)
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_a_ball_through_a_plate_is_one_passage(lab, recordings, speed, half, phase):
-    """A ball that goes straight through a plate passes it once, at any speed and phase of the frame."""
     scenario = lab.scene(plate(lab, half), lab.ball(), effects=(), duration=0.2)
     slanted = np.array((0.2, 0.1, -1.0)) * speed
     start = -slanted * FRAME * (5 + phase)
@@ -108,7 +107,6 @@ def test_a_bounce_is_no_passage(lab, recordings, speed, half, phase):
 
 @pytest.mark.parametrize("speed", [2.5, 3.0, 6.0])
 def test_a_hand_through_its_table(recordings, speed):
-    """A hand whose parts all go through a table of 4 cm is counted; one that stops on it is not."""
     links, joints = hand_parts()
     names = tuple(joint.name for joint in joints)
     origin, upright = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
@@ -148,12 +146,7 @@ def test_a_spinning_rod_that_sweeps_through_a_ball(lab, recordings, rate):
     """Both ends of a rod that turns go through a ball in its reach, none through one beyond or above it."""
     frames = round(60 * 1.2 * pi / rate) + 2
     rate, start = 1.2 * pi / ((frames - 1) * FRAME), -0.1 * pi  # 1.2 half turns in whole frames
-    for place, passed in (
-        ((0.4, 0.0, 0.0), 2),
-        ((0.3, 0.0, 0.01), 2),
-        ((0.57, 0.0, 0.0), 0),
-        ((0.4, 0.0, 0.07), 0),
-    ):
+    for place, passed in (((0.4, 0, 0), 2), ((0.3, 0.0, 0.01), 2), ((0.57, 0, 0), 0), ((0.4, 0.0, 0.07), 0)):
         scenario = lab.scene(rod(), lab.ball(position=place), effects=(), duration=(frames - 1) * FRAME)
         turned, spin = spun(frames, rate, start), (0.0, 0.0, rate)
         columns = moving(scenario, 0, (0.0, 0.0, 0.0), orientation=turned, spin=spin)
@@ -387,7 +380,6 @@ def test_a_plate_that_moves_over_a_ball_passes(lab, recordings):
 
 
 def test_the_first_passage_is_named(lab, recordings, known):
-    """The metric counts passages and names the first, with its time."""
     scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.2)
     position, velocity = flight(13, (0.0, 0.0, 0.45), (0.0, 0.0, -6.0))
     columns = moving(scenario, 1, position, velocity)

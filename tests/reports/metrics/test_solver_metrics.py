@@ -100,7 +100,6 @@ def test_a_new_cap_is_counted_and_shown(context):
 
 
 def test_a_resolved_run_is_zero_and_says_nothing(context):
-    """Give plain zeros that meet their limits, and no warning."""
     reported = context()
     assert [METRICS[name].measure(reported) for name in SOLVER_METRICS] == [{"": 0.0}] * 4
     rows = rows_of(reported)
@@ -109,7 +108,6 @@ def test_a_resolved_run_is_zero_and_says_nothing(context):
 
 
 def test_energy_taken_away_by_parting_counts_too(context):
-    """Judge parting that lowers bodies by its size."""
     rows = {row.metric: row for row in rows_of(context({3: {"parted_energy": -0.1}}))}
     assert rows["solver.parted_energy"].verdict == "fail"
 
@@ -151,7 +149,6 @@ def test_known_failings_are_warned_of(context, monkeypatch):
 
 
 def test_a_frame_without_contacts_has_no_pair(context):
-    """Name the frame alone where no contact tells a pair."""
     assert worst_place(context({3: {"gave_up": 1}}), *CAPS) == Place(3, None)
     assert str(Place(3, None)) == "frame 3"
 
@@ -172,13 +169,10 @@ def test_the_papers_own_way_is_no_failing(context):
     reported = context(
         {1: {"residual": 2e-4, "residual.body_a": 0, "residual.body_b": 1, "dropped_time": 1e-3}}
     )
-    assert [row.metric for row in rows_of(reported, "paper") if row.verdict == "fail"] == list(
-        SOLVER_METRICS[:2]
-    )
+    assert [r.metric for r in rows_of(reported, "paper") if r.verdict == "fail"] == list(SOLVER_METRICS[:2])
 
 
 def test_sizes_are_no_work(context):
-    """Keep sizes and bodies out of the table of counts."""
     assert set(METRICS["work"].measure(context(UNRESOLVED))) == {"contacts", *CAPS}
 
 
@@ -193,7 +187,6 @@ def recording():
 
 
 def test_two_runs_in_a_process_have_one_hash(recording):
-    """The reference repeats a run to the bit."""
     again = record(load("reference"), hard_scene(SCENE)[0], SETTINGS)
     assert state_hash(again) == state_hash(recording)
 
@@ -209,17 +202,13 @@ def test_a_bit_changes_the_hash(recording):
 @pytest.mark.spawned
 def test_fresh_processes_do_not_change_the_hash(recording, tmp_path):
     """Two processes, whatever they played before: the same hash as in this process."""
-    others = [
-        hard_cell(f"hard_{name}", "reference", "balanced", 1 / 60) for name in ("mass_stack_1", "wedge_90")
-    ]
+    others = [hard_cell(f"hard_{n}", "reference", "balanced", 1 / 60) for n in ("mass_stack_1", "wedge_90")]
     cell = hard_cell(SCENE, "reference", "balanced", 1 / 60)
     played = play_all([*others, cell], tmp_path / "runs", lambda label, count: None, jobs=2)
     assert played[cell].state_hash == state_hash(recording)
 
 
 def test_the_metric_holds_the_digits(recording):
-    """A float holds the first digits exactly, and the remark all of them."""
-
     class Context:
         pass
 

@@ -41,9 +41,7 @@ def test_what_leaves_the_truth_is_measured(recordings, known, scene):
     right = known.ideal(recordings, scenario)
     k = scenario.body_index(scenario.truths[-1].body)
     turn = Rotation.from_rotvec((0.0, 0.02, 0.0))
-    moved = {
-        name: getattr(right, name).copy() for name in ("position", "linear_velocity", "angular_velocity")
-    }
+    moved = {n: getattr(right, n).copy() for n in ("position", "linear_velocity", "angular_velocity")}
     moved["position"][:, k] += (0.0, 0.003, 0.004)
     moved["linear_velocity"][:, k, 0] += 0.01
     moved["angular_velocity"][:, k, 2] += 0.05
@@ -135,9 +133,7 @@ def test_a_cube_that_lifts_tilts_and_creeps(recordings, known):
     right = known.ideal(recordings, scenario)
     position, orientation = right.position.copy(), right.orientation.copy()
     position[20:30, 2, 2] += 0.007
-    turned = Rotation.from_rotvec((0.03, 0.0, 0.0)) * Rotation.from_quat(
-        orientation[40, 3], scalar_first=True
-    )
+    turned = Rotation.from_rotvec((0.03, 0, 0)) * Rotation.from_quat(orientation[40, 3], scalar_first=True)
     orientation[40, 3] = turned.as_quat(scalar_first=True)
     time = right.time
     position[:, 1, 1] += 0.004 * np.maximum(0.0, time - 6.0 / (0.5 * 9.81))
@@ -168,7 +164,6 @@ def test_what_still_slides_does_not_creep(recordings, known):
 
 
 def test_what_should_never_slide_creeps_however_fast(recordings, known):
-    """A body that should stick from the start is not excused by sliding away."""
     scenario = catalogue()["incline_holds"]
     right = known.ideal(recordings, scenario)
     body = scenario.body_index(scenario.truths[0].body)
@@ -179,7 +174,6 @@ def test_what_should_never_slide_creeps_however_fast(recordings, known):
 
 
 def test_yaw_is_no_tilt(recordings, known):
-    """A cube that turns about the support's normal does not tilt."""
     scenario = catalogue()["incline_holds"]
     right = known.ideal(recordings, scenario)
     normal = Rotation.from_quat(scenario.bodies[0].orientation, scalar_first=True).apply((0.0, 0.0, 1.0))
@@ -220,7 +214,6 @@ def moving(recordings, scenario, velocities):
 
 
 def test_a_mirrored_break_is_symmetric(recordings, known):
-    """Balls 2 and 3 part to either side; what one lacks is found, and named."""
     scenario = catalogue()["break_15"]
     mirrored = {"cue": (0.0, 1.0, 0.0), "ball_2": (-1.0, 2.0, 0.3), "ball_3": (1.0, 2.0, 0.3)}
     found = known.value("symmetry.mirror", moving(recordings, scenario, mirrored), scenario)[""]
@@ -243,7 +236,6 @@ def test_what_leaves_the_mirror_plane_counts_twice(recordings, known):
 
 
 def test_no_symmetry_without_partners(recordings, known):
-    """Measure nothing in scenes that are not tagged, or that are tagged by mistake."""
     scenario = catalogue()["tower_10"]
     with pytest.raises(NotMeasured, match="not tagged symmetric"):
         known.value("symmetry.mirror", recordings.recording(scenario), scenario)

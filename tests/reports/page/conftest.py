@@ -53,9 +53,8 @@ def made(lab, recordings):
                 for k in range(DEEPEST, DEEPEST + 5)
             )
         )
-        played[engine, profile] = Context(
-            recordings.recording(scenario, position=places, contacts=hit), scenario
-        )
+        recording = recordings.recording(scenario, position=places, contacts=hit)
+        played[engine, profile] = Context(recording, scenario)
     rows = []
     for (engine, profile), depth in zip(played, (0.0, SINKS)):
         base = ("run", "test", engine, profile, 1 / 60)

@@ -124,7 +124,6 @@ def test_a_page_stays_small():
     ],
 )
 def test_the_sentence_is_never_green_unseen(verdicts, level, start):
-    """A run is good only where limits were judged and all of them met."""
     rows = [Row("run", "s", "dart", "p", 0.1, "overlap.max", verdict=verdict) for verdict in verdicts]
     assert verdict_of(table(rows)) == (level, start)
 
@@ -138,7 +137,6 @@ def test_a_slow_reference_is_listed_among_the_failings():
 
 
 def test_studies_are_shown_as_text(made):
-    """Hard cases as a table of classes with what each means; of other studies, counts and what is broken."""
     from touchstone.reports.page.sections import studies_part
 
     hard = ("stability", "hard_mass_1e6", "mujoco", "recommended", 1 / 540, "stability.outcome")
@@ -160,30 +158,23 @@ def test_studies_are_shown_as_text(made):
 SCENES = 40
 
 
-class Links(HTMLParser):
-    """Names of elements, and addresses of links."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.ids, self.links = [], []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        attributes = dict(attrs)
-        if "id" in attributes:
-            self.ids.append(attributes["id"])
-        if tag != "link" and "href" in attributes:
-            self.links.append(attributes["href"])
+def links(text):
+    """Addresses of links."""
+    return [
+        attributes["href"]
+        for tag, attributes in Elements(text).found
+        if tag != "link" and "href" in attributes
+    ]
 
 
 def dead_links(text, folder):
     """Links whose target is neither on the page nor beside it."""
-    found = Links(text)
-    assert len(set(found.ids)) == len(found.ids)
+    ids = [attributes["id"] for _, attributes in Elements(text).found if "id" in attributes]
+    assert len(set(ids)) == len(ids)
     return [
         link
-        for link in found.links
-        if not (link[1:] in found.ids if link.startswith("#") else (Path(folder) / link).exists())
+        for link in links(text)
+        if not (link[1:] in ids if link.startswith("#") else (Path(folder) / link).exists())
     ]
 
 
@@ -210,17 +201,16 @@ def many(made):
 def test_no_link_is_dead(many, made, tmp_path):
     """Every link has its target; every scene shown has one, whose fold names its command."""
     text = page(many)
-    links = Links(text).links
-    assert len([link for link in links if link.startswith("#scene-")]) >= SCENES + 2
+    found = links(text)
+    assert len([link for link in found if link.startswith("#scene-")]) >= SCENES + 2
     assert dead_links(text, tmp_path) == []
     assert dead_links(made.text, tmp_path) == []
-    assert "#scene-gone_scene" not in links
+    assert "#scene-gone_scene" not in found
     for k in range(SCENES):
         assert f"<code>touchstone run scene_{k}</code>" in text
 
 
 def test_scenes_beyond_the_budget_keep_their_target(many, monkeypatch):
-    """Of scenes whose tables do not fit, the figures that miss a limit stay."""
     monkeypatch.setattr(sections, "MOST_TABLES", 5000)
     text = page(many)
     assert dead_links(text, ".") == []
@@ -298,7 +288,6 @@ def test_a_chart_has_the_heaviest_pairs_and_the_truth() -> None:
 
 
 def test_a_page_has_charts_within_its_budget(made, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first scenes that fit have a chart, in the part of their scene."""
     pytest.importorskip("vl_convert")
     scenes = {name: (catalogue()[name], courses("a")) for name in ("stack", "slide", "fall")}
     found = force_charts(scenes)

@@ -85,10 +85,7 @@ def test_energy_at_the_start_is_that_of_the_closed_form():
 
 def test_bodies_that_joints_hold_may_fall_by_the_length_of_their_joints():
     """A chain of two links of 1 and 2 kg, hung up at a height, with a bent spring of 8 N m/rad."""
-    links = (
-        ball("one", "wood", 0.01, 1.0, (0.05, 0.0, 0.5)),
-        ball("two", "wood", 0.01, 2.0, (0.15, 0.0, 0.5)),
-    )
+    links = ball("one", "wood", 0.01, 1.0, (0.05, 0.0, 0.5)), ball("two", "wood", 0.01, 2.0, (0.15, 0.0, 0.5))
     joints = (
         BodyJoint("hook", "hinge", "", "one", (0.0, 0.0, 0.5), stiffness=8.0, target=0.5),
         BodyJoint("link", "ball", "one", "two", (0.1, 0.0, 0.5)),
@@ -130,7 +127,6 @@ def test_momentum_of_isolated_scenes_is_judged(fakes):
 
 @pytest.mark.slow
 def test_a_study_outlives_those_that_hang_or_die(fakes, tmp_path):
-    """Count a hang and a death, replace the process, and play the others."""
     names = ("rests", "hangs", "dies", "rests", "unsupported", "explodes")
     asked = [SeededTask(name, SETTINGS, TOWER + k) for k, name in enumerate(names)]
     reported = []
@@ -147,9 +143,7 @@ def test_a_study_outlives_those_that_hang_or_die(fakes, tmp_path):
 
 def test_limits_hold_for_the_reference_alone(fakes):
     """Judge the counts and spreads over all kinds of the reference; list the worst with their lines."""
-    found = [
-        assess(fakes(name), random_scene(TOWER), SETTINGS, EXACT) for name in ("explodes", "rests", "stalls")
-    ]
+    found = [assess(fakes(n), random_scene(TOWER), SETTINGS, EXACT) for n in ("explodes", "rests", "stalls")]
     tasks_of = {e: [SeededTask(e, SETTINGS, TOWER)] * 3 for e in ("reference", "dart")}
     for engine, asked in tasks_of.items():
         rows = [study.judged(row, ()) for row in study.rows_of_runs(list(zip(asked, found)))]
@@ -166,7 +160,6 @@ def test_limits_hold_for_the_reference_alone(fakes):
 
 
 def test_a_line_names_all_that_a_run_was():
-    """Repeat engine, profile, seed, kind and perturbation."""
     task = SeededTask("dart", Settings("accurate", 1e-3), 7, "heap", 1e-16)
     assert line(task) == (
         "touchstone study robustness --scenes 1 --seed 7 --engine dart --profile accurate "
