@@ -32,9 +32,9 @@ from touchstone.reports.bench.poses import hull_slide
 from touchstone.reports.bootstrap import exponent, median_interval
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
-from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
+from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, measure
-from touchstone.reports.studies.study import with_interval
+from touchstone.reports.studies.study import kept, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.views.pictures import (
@@ -362,11 +362,8 @@ def run(
             progress,
             detector_loader,
         )
-        frame = table(judged(row, ()) for row in rows_of_curves(curves))
-        save(frame, folder)
-        save_manifest(folder, {"study": STUDY, **asdict(amount)})
-        illustrate(folder / "scaling.png", lambda part: draw(frame, part))
-    return frame
+        rows = [judged(row, ()) for row in rows_of_curves(curves)]
+        return kept(rows, folder, {"study": STUDY, **asdict(amount)}, {"scaling.png": draw})
 
 
 def rows_of_curves(curves: Sequence[Curve]) -> list[Row]:

@@ -213,8 +213,7 @@ def _rows_of(base: Row, answers: Array, loop_seconds: Array) -> list[Row]:
     ]
     if base.engine != "pinocchio":
         ratio = time_ratio(seconds, loop_seconds)
-        interval = (ratio.value, ratio.low, ratio.high)
-        found.append(with_interval(base, interval, metric="ratio.time", subject="pinocchio", unit="1"))
+        found.append(with_interval(base, ratio, metric="ratio.time", subject="pinocchio", unit="1"))
     return found
 
 

@@ -16,7 +16,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics import in_tables
 from touchstone.reports.metrics.motion.time_series import FORCE
 from touchstone.reports.results import Row, rows_of, write_beside
 from touchstone.reports.runner.request import REFERENCE, Request, Results
@@ -162,7 +162,7 @@ def _over_time(figure: Figure, request: Request, results: Results, section: Sect
         _panel(figure.add_subplot(grid[k // across, k % across]), line, results, 2 * top)
     if dots:
         axes = figure.add_subplot(grid[rows, :])
-        floor, scale = dots[0].same * BELOW, _scale(metric)
+        floor, scale = dots[0].same * BELOW, in_tables(metric)[1]
         _dots(axes, dots, lambda row: scale * max(abs(row.value), floor))
         axes.set_xscale("log")
         _decades(axes.xaxis, floor * scale, axes.get_xlim()[1])
@@ -180,7 +180,7 @@ def _courses(line: Line, results: Results) -> dict[str, tuple[Array, Array]]:
 
 def _panel(axes: Axes, line: Line, results: Results, top: float) -> None:
     """Draw one scene over time up to `top` [SI], with its limits as dashes."""
-    floor, scale = line.same * BELOW, _scale(line.metric)
+    floor, scale = line.same * BELOW, in_tables(line.metric)[1]
     courses = _courses(line, results)
     for engine, row in line.rows.items():
         if engine in courses:
@@ -217,11 +217,6 @@ def _decades(axis: Axis, floor: float, top: float) -> None:
     axis.set_major_locator(FixedLocator([10.0**e for e in range(low, high + 1, step)]))
     axis.set_major_formatter(FuncFormatter(lambda v, _: "0" if v < 1.5 * floor else f"{v:g}"))
     axis.set_minor_locator(NullLocator())
-
-
-def _scale(metric: str) -> float:
-    shown = METRICS[metric].shown
-    return shown[1] if shown else 1.0
 
 
 def _friction(figure: Figure, request: Request, results: Results, section: Section) -> None:

@@ -187,8 +187,7 @@ def with_ratio(row: Row, ours: Array, theirs: Array) -> Row:
     if not both.any() or np.median(theirs[both]) <= 0:
         reason = "no query" if not both.any() else "queries cost no more than their crossing"
         return replace(row, verdict="skipped", reason=reason)
-    ratio = time_ratio(ours[both], theirs[both])
-    return with_interval(row, (ratio.value, ratio.low, ratio.high))
+    return with_interval(row, time_ratio(ours[both], theirs[both]))
 
 
 def with_median(row: Row, seconds: Array, reason: str) -> Row:
