@@ -52,19 +52,11 @@ WIDTH, PANEL, DOT, MILLI = 11.0, 2.3, 0.28, 1e3
 """Width of a picture, heights of a panel and of a row of dots [inches]; milliseconds in a second."""
 BELOW, LEAST_EXCESS = 0.1, 1e-4
 """Smaller values are drawn at these and labelled 0: a share of a line's `same`, an excess of friction [1]."""
+CONE = "largest excess of friction over mu times\npressure, over the latter; Coulomb: 0"
+DEFICIT = "friction over mu times pressure\nwhile sliding; Coulomb: 1"
 FRICTION: tuple[tuple[str, str, float, Callable[[Row], float]], ...] = (
-    (
-        "friction.cone",
-        "largest excess of friction over mu times\npressure, over the latter; Coulomb: 0",
-        0.0,
-        lambda row: max(row.value, LEAST_EXCESS),
-    ),
-    (
-        "friction.deficit",
-        "friction over mu times pressure\nwhile sliding; Coulomb: 1",
-        1.0,
-        lambda row: 1.0 - row.value,
-    ),
+    ("friction.cone", CONE, 0.0, lambda row: max(row.value, LEAST_EXCESS)),
+    ("friction.deficit", DEFICIT, 1.0, lambda row: 1.0 - row.value),
     ("friction.stop", "distance of stopping, too long by;\nCoulomb: 0", 0.0, lambda row: row.value),
 )
 """Metric, the quantity drawn, its truth."""
