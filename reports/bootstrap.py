@@ -7,9 +7,8 @@ Intervals resample the speeds of restarts first, then blocks of frames.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,20 +22,24 @@ BLOCK = 15
 """Consecutive frames that are resampled together, a quarter of a second: neighbours take similar times."""
 
 
-@dataclass(frozen=True, slots=True)
-class Ratio:
-    """A ratio of medians or means with its bootstrap interval."""
+class Interval(NamedTuple):
+    """A value with its bootstrap interval."""
 
     value: float
     low: float
     high: float
 
 
+def _around(value: Any, resampled: Array) -> Interval:
+    low, high = np.percentile(resampled, [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
+    return Interval(float(value), float(low), float(high))
+
+
 Middle = Callable[..., Any]
 """`np.median`, or `np.mean` where the total counts: both take an axis."""
 
 
-def time_ratio(ours: Array, theirs: Array, seed: int = 0, middle: Middle = np.median) -> Ratio:
+def time_ratio(ours: Array, theirs: Array, seed: int = 0, middle: Middle = np.median) -> Interval:
     """Ratio of the median of `ours` to that of `theirs`, over their common length; frames are resampled in
     pairs because they share noise."""
     rng = np.random.default_rng(seed)
@@ -44,8 +47,7 @@ def time_ratio(ours: Array, theirs: Array, seed: int = 0, middle: Middle = np.me
     ours, theirs = ours[:count], theirs[:count]
     drawn = rng.integers(count, size=(RESAMPLES, count))
     ratios = middle(ours[drawn], axis=1) / middle(theirs[drawn], axis=1)
-    low, high = np.percentile(ratios, [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
-    return Ratio(float(middle(ours) / middle(theirs)), float(low), float(high))
+    return _around(middle(ours) / middle(theirs), ratios)
 
 
 Statistic = Callable[[Array], Array]
@@ -73,7 +75,9 @@ RATIOS = tuple(f"{RATIO}{suffix}" for suffix in STATISTICS)
 """Metrics of ratios of frame times."""
 
 
-def restart_ratio(ours: Array, theirs: Array, statistic: Statistic, chosen: Indices, seed: int = 0) -> Ratio:
+def restart_ratio(
+    ours: Array, theirs: Array, statistic: Statistic, chosen: Indices, seed: int = 0
+) -> Interval:
     """Ratio of a statistic over the chosen frames of `ours` (r, f) to that of `theirs` (s, f) [s].
 
     Args:
@@ -85,16 +89,15 @@ def restart_ratio(ours: Array, theirs: Array, statistic: Statistic, chosen: Indi
     mine, my_speeds = _course(ours[:, chosen], rng)
     other, their_speeds = _course(theirs[:, chosen], rng)
     frames = _blocks(len(chosen), rng)
-    value = float(statistic(mine) / statistic(other))
     found = my_speeds / their_speeds * statistic(mine[frames]) / statistic(other[frames])
-    low, high = np.percentile(found, [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
+    value, low, high = _around(statistic(mine) / statistic(other), found)
     # the spread of so few restarts is underestimated, as a sample's variance is
     fewest = min(len(ours), len(theirs)) if len(theirs) > 1 else len(ours)
     wider = sqrt(fewest / (fewest - 1)) if fewest > 1 else 1.0
-    return Ratio(value, value * (low / value) ** wider, value * (high / value) ** wider)
+    return Interval(value, value * (low / value) ** wider, value * (high / value) ** wider)
 
 
-def restart_interval(times: Array, statistic: Statistic, chosen: Indices, seed: int = 0) -> Ratio:
+def restart_interval(times: Array, statistic: Statistic, chosen: Indices, seed: int = 0) -> Interval:
     """A statistic over the chosen frames of times (r, f) [s], with its interval, as in `restart_ratio`."""
     return restart_ratio(times, np.ones((1, times.shape[1])), statistic, chosen, seed)
 
@@ -120,14 +123,13 @@ def _blocks(count: int, rng: np.random.Generator) -> Indices:
     return np.asarray(found[:, :count] % count)
 
 
-def median_interval(sample: Array, seed: int = 0, middle: Middle = np.median) -> tuple[float, float, float]:
+def median_interval(sample: Array, seed: int = 0, middle: Middle = np.median) -> Interval:
     """Median of a sample with its bootstrap interval."""
     drawn = np.random.default_rng(seed).integers(len(sample), size=(RESAMPLES, len(sample)))
-    low, high = np.percentile(middle(sample[drawn], axis=1), [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
-    return float(middle(sample)), float(low), float(high)
+    return _around(middle(sample), middle(sample[drawn], axis=1))
 
 
-def exponent(sizes: Sequence[float], times: Sequence[Array], seed: int = 0) -> tuple[float, float, float]:
+def exponent(sizes: Sequence[float], times: Sequence[Array], seed: int = 0) -> Interval:
     """Exponent of a power law with its bootstrap interval: the least-squares slope of log median time over
     log size; the repetitions of each size, `times`, are resampled."""
     rng = np.random.default_rng(seed)
@@ -138,5 +140,4 @@ def exponent(sizes: Sequence[float], times: Sequence[Array], seed: int = 0) -> t
         for t in times
     ]
     slopes = weights @ np.log(medians)
-    low, high = np.percentile(slopes[:-1], [50 - CONFIDENCE / 2, 50 + CONFIDENCE / 2])
-    return float(slopes[-1]), float(low), float(high)
+    return _around(slopes[-1], slopes[:-1])

@@ -41,15 +41,7 @@ from touchstone.reports.views.render import Part
 from touchstone.scenarios.files.read import SceneFileError, data_of_file
 
 NEEDED = (
-    "study",
-    "scenario",
-    "engine",
-    "profile",
-    "metric",
-    "subject",
-    "verdict",
-    "reason",
-    "unit",
+    *("study", "scenario", "engine", "profile", "metric", "subject", "verdict", "reason", "unit"),
     *NUMBERS,
 )
 """Columns that every version has written."""

@@ -97,11 +97,12 @@ Mesh = tuple[Array, Array]
 
 def body_mesh(body: Body) -> Mesh:
     """All pieces of a body that has some, in the body's frame."""
-    meshes = [_piece(piece) for piece in body.pieces]
+    meshes = [piece_mesh(piece) for piece in body.pieces]
     return np.concatenate([one for one, _ in meshes]), np.concatenate([one for _, one in meshes])
 
 
-def _piece(piece: Piece) -> Mesh:
+def piece_mesh(piece: Piece) -> Mesh:
+    """A piece in its body's frame."""
     piece = shown_piece(piece)
     corners, normals = _shape(piece)
     turned = Rotation.from_quat(piece.orientation, scalar_first=True)

@@ -7,6 +7,7 @@ import platform
 import subprocess
 import sys
 from datetime import date
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 
@@ -18,15 +19,8 @@ def origin() -> dict[str, str]:
 
 def _commit() -> str:
     """Abbreviated commit of this checkout, with a plus sign if files differ from it."""
-    call = [
-        "git",
-        "-C",
-        str(Path(__file__).resolve().parent),
-        "describe",
-        "--always",
-        "--dirty=+",
-        "--exclude=*",
-    ]
+    here = str(Path(__file__).resolve().parent)
+    call = ["git", "-C", here, "describe", "--always", "--dirty=+", "--exclude=*"]
     try:
         return subprocess.run(call, capture_output=True, text=True, timeout=5, check=True).stdout.strip()
     except (OSError, subprocess.SubprocessError):
@@ -41,6 +35,14 @@ def machine() -> dict[str, str]:
         "processor": _processor(),
         "cores": str(os.cpu_count()),
     }
+
+
+def package_version(package: str, absent: str = "") -> str:
+    """Version of an installed distribution; `absent` without it."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return absent
 
 
 def _processor() -> str:

@@ -65,27 +65,9 @@ class Row:
 
 
 COLUMNS = (
-    "study",
-    "scenario",
-    "engine",
-    "profile",
-    "dt",
-    "seed",
-    "repeat",
-    "metric",
-    "subject",
-    "body_a",
-    "body_b",
-    "value",
-    "unit",
-    "low",
-    "high",
-    "limit",
-    "verdict",
-    "basis",
-    "reason",
-    "reason_code",
-    "reproduce",
+    *("study", "scenario", "engine", "profile", "dt", "seed", "repeat", "metric", "subject"),
+    *("body_a", "body_b", "value", "unit", "low", "high", "limit"),
+    *("verdict", "basis", "reason", "reason_code", "reproduce"),
 )
 NUMBERS = ("dt", "seed", "repeat", "value", "low", "high", "limit")
 """Columns of numbers; the others hold texts."""

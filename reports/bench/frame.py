@@ -26,9 +26,10 @@ from touchstone.reports.bootstrap import RATIO, STATISTICS, mean, restart_interv
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
-from touchstone.reports.results import Row, rows_of, save, save_manifest, table
+from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.ratios import FACTORS, Timed, factor_rows, pair_frames, ratio_rows, timed
 from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, step_text
+from touchstone.reports.studies.study import kept, with_interval
 from touchstone.reports.verdict.rows import measured_of
 from touchstone.reports.views.bench_tables import MICRO, limit_text, remarks, spread_text, value_text
 from touchstone.reports.views.render import Part
@@ -182,11 +183,8 @@ def run(
     with output_folder(out) as folder:
         takes = played(contestants, chosen, restarts, seed, folder, progress)
         rows = [row for scenario in chosen for row in rows_of_scene(scenario, takes)]
-        frame = table(rows)
-        save(frame, folder)
         facts = {"study": STUDY, "restarts": restarts, "seed": seed, "core": last_core()}
-        save_manifest(folder, {**facts, "scenarios": [scenario.name for scenario in chosen]})
-    return frame
+        return kept(rows, folder, {**facts, "scenarios": [scenario.name for scenario in chosen]})
 
 
 def rows_of_scene(scenario: Scenario, takes: Mapping[tuple[str, str, str], Take]) -> Iterator[Row]:
@@ -221,9 +219,8 @@ def _times(base: Row, column: Timed, frame_count: int) -> Iterator[Row]:
     remark = f"its first {count} of {frame_count} frames; " if count < frame_count else ""
     for suffix, statistic in STATISTICS.items():
         found = restart_interval(column.times, statistic, every if suffix else chosen)
-        row = replace(base, metric=f"time.frame{suffix}", unit="s", value=found.value)
         reason = f"{remark}{restarts} restart{'s' if restarts > 1 else ''}, contact in {len(chosen)} frames"
-        yield replace(row, low=found.low, high=found.high, reason=reason)
+        yield with_interval(base, found, metric=f"time.frame{suffix}", unit="s", reason=reason)
 
 
 def duel(
@@ -242,9 +239,8 @@ def duel(
         timed(engine, key[2], take.first, take.times) for key, take in takes.items() if take.first is not None
     )
     ours, theirs, chosen, _ = pair_frames(one, two)
-    found = restart_ratio(ours, theirs, mean, chosen)
-    row = Row(STUDY, scenario.name, engine, one.label, nan, RATIO, found.value, "1", f"{engine} again")
-    return replace(row, low=found.low, high=found.high)
+    row = Row(STUDY, scenario.name, engine, one.label, nan, RATIO, unit="1", subject=f"{engine} again")
+    return with_interval(row, restart_ratio(ours, theirs, mean, chosen))
 
 
 MILLI = 1e3

@@ -24,16 +24,18 @@ from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench.poses import FAMILIES, hand_slide
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
-from touchstone.reports.results import Row, rows_of, save, save_manifest, table
+from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
 from touchstone.reports.studies.narrow_phase.poses import corners, size_of
 from touchstone.reports.studies.narrow_phase.study import (
     Mask,
     PairTruth,
     depth_errors,
+    facts_of,
     with_median,
     with_ratio,
 )
+from touchstone.reports.studies.study import kept
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.views.render import Part
@@ -128,11 +130,8 @@ def run(
         measured = measure(
             SUBJECTS, truth.pairs, stretches, amount.turns, amount.passes, folder / "output", progress, loader
         )
-        frame = table(judged(row, ()) for row in rows_of_bench(truth, measured))
-        save(frame, folder)
-        facts = {name: dict(mine.facts) for name, mine in measured.items()}
-        save_manifest(folder, {"study": STUDY, **asdict(amount), "detectors": facts})
-    return frame
+        rows = [judged(row, ()) for row in rows_of_bench(truth, measured)]
+        return kept(rows, folder, {"study": STUDY, **asdict(amount), "detectors": facts_of(measured)})
 
 
 def queries(amount: Amount) -> tuple[PairTruth, list[Stretch]]:

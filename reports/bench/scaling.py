@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import ceil, sqrt
@@ -17,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter
 
 from touchstone.adapters.contract import MISSING, Array, Engine, Settings, World
 from touchstone.adapters.detectors import DETECTORS, UNCONVERGED, Pair
@@ -31,11 +32,20 @@ from touchstone.reports.bench.poses import hull_slide
 from touchstone.reports.bootstrap import exponent, median_interval
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
-from touchstone.reports.results import Row, illustrate, rows_of, save, save_manifest, table
+from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, measure
+from touchstone.reports.studies.study import kept, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
-from touchstone.reports.views.pictures import INK, MARKERS, detector_color, figure, panels
+from touchstone.reports.views.pictures import (
+    INK,
+    MARKERS,
+    detector_color,
+    figure,
+    logarithmic,
+    open_axes,
+    panels,
+)
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
@@ -249,8 +259,6 @@ TITLES = {
     VERTICES: ("Convex depth", "vertices per hull, one hull sliding past the other"),
 }
 """Curve -> title and label of sizes."""
-LABEL_GAP = 0.055
-"""Least distance between two labels, as a share of the picture's height [1]."""
 
 
 def draw(frame: pd.DataFrame, path: Path) -> None:
@@ -264,75 +272,36 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
 
 
 def _panel(axes: Axes, part: pd.DataFrame, title: str, sizes_label: str) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    labels = []
-    used: dict[str, int] = {}
+    used: Counter[str] = Counter()
     for engine in dict.fromkeys(part[part.metric == "scaling.exponent"].engine):
-        mine = rows_of(part[part.engine == engine])
         colour = detector_color(engine)
-        marker = MARKERS[used.setdefault(colour, 0) % len(MARKERS)]
+        marker = MARKERS[used[colour] % len(MARKERS)]
         used[colour] += 1
-        power = next(row for row in mine if row.metric == "scaling.exponent")
-        end = _line(axes, [row for row in mine if row.metric == "scaling.time"], power.value, colour, marker)
-        labels.append((end, rf"{engine} $\propto n^{{{power.value:.2f}}}$", colour))
-    _frame(axes, part)
-    _label(axes, labels)
+        mine = part[part.engine == engine]
+        power = float(mine[mine.metric == "scaling.exponent"].value.iloc[0])
+        rows = mine[mine.metric == "scaling.time"]
+        sizes = sizes_of(rows)
+        times, low, high = (1e6 * rows[name].to_numpy() for name in ("value", "low", "high"))
+        axes.errorbar(
+            sizes, times, [times - low, high - times], fmt=marker, color=colour, markersize=6,
+            markeredgecolor="white", elinewidth=1.2, capsize=0, zorder=3,
+            label=rf"{engine} $\propto n^{{{power:.2f}}}$",
+        )  # fmt: skip
+        middle = np.exp(np.mean(np.log(times) - power * np.log(sizes)))
+        ends = sizes[[0, -1]]
+        axes.plot(ends, middle * ends**power, color=colour, linewidth=1.3, alpha=0.65, zorder=2)
+    logarithmic(axes, np.unique(sizes_of(part[part.metric == "scaling.time"])))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    open_axes(axes, "y")
     axes.set_title(title, loc="left", color=INK, fontsize=12, fontweight="bold")
     axes.set_xlabel(sizes_label, color=INK)
+    axes.legend(frameon=False, labelcolor="linecolor")
 
 
-def _line(axes: Axes, rows: list[Row], power: float, colour: str, marker: str) -> float:
-    """Draw one engine's times and their power law; returns the law's end [µs]."""
-    sizes = np.array([size_of(row) for row in rows])
-    times, low, high = (
-        1e6 * np.array([getattr(row, name) for row in rows]) for name in ("value", "low", "high")
-    )
-    axes.errorbar(
-        sizes, times, [times - low, high - times], fmt=marker, color=colour, markersize=6,
-        markeredgecolor="white", elinewidth=1.2, capsize=0, zorder=3,
-    )  # fmt: skip
-    middle = np.exp(np.mean(np.log(times) - power * np.log(sizes)))
-    ends = sizes[[0, -1]]
-    axes.plot(ends, middle * ends**power, color=colour, linewidth=1.3, alpha=0.65, zorder=2)
-    return float(middle * ends[1] ** power)
-
-
-def size_of(row: Row) -> float:
-    """The size that a time belongs to: "100 pieces" is 100."""
-    return float(row.subject.split()[0])
-
-
-def _frame(axes: Axes, part: pd.DataFrame) -> None:
-    sizes = sorted({size_of(row) for row in rows_of(part[part.metric == "scaling.time"])})
-    axes.set_xlim(sizes[0] / 1.3, sizes[-1] * 1.3)
-    axes.set_xticks(sizes)
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda size, _: f"{size:g}"))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda time, _: f"{time:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.tick_params(colors=INK, length=3)
-    axes.tick_params(which="minor", length=1.5)
-    axes.grid(axis="y", color="#eeeeee", linewidth=0.8)
-    axes.set_axisbelow(True)
-
-
-def _label(axes: Axes, labels: list[tuple[float, str, str]]) -> None:
-    """Write names and exponents right of the lines' ends, moved apart where they would overlap."""
-    low, high = axes.get_ylim()
-    heights = [np.log(end / low) / np.log(high / low) for end, _, _ in labels]
-    placed: list[float] = []
-    for k in np.argsort(heights):
-        height = max(heights[k], placed[-1] + LABEL_GAP) if placed else heights[k]
-        placed.append(height)
-        _, text, colour = labels[k]
-        weight = "bold" if text.startswith("reference") else "normal"
-        axes.text(
-            1.01, height, text, transform=axes.transAxes, color=colour, fontweight=weight, va="center",
-            fontsize=9.5,
-        )  # fmt: skip
+def sizes_of(rows: pd.DataFrame) -> Array:
+    """The sizes that times belong to: "100 pieces" is 100."""
+    return np.array([float(subject.split()[0]) for subject in rows.subject])
 
 
 STUDY = "bench scaling"
@@ -393,11 +362,8 @@ def run(
             progress,
             detector_loader,
         )
-        frame = table(judged(row, ()) for row in rows_of_curves(curves))
-        save(frame, folder)
-        save_manifest(folder, {"study": STUDY, **asdict(amount)})
-        illustrate(folder / "scaling.png", lambda part: draw(frame, part))
-    return frame
+        rows = [judged(row, ()) for row in rows_of_curves(curves)]
+        return kept(rows, folder, {"study": STUDY, **asdict(amount)}, {"scaling.png": draw})
 
 
 def rows_of_curves(curves: Sequence[Curve]) -> list[Row]:
@@ -409,11 +375,8 @@ def rows_of_curves(curves: Sequence[Curve]) -> list[Row]:
             rows.append(replace(base, verdict=curve.ended[0], reason=curve.ended[1]))
             continue
         for size, times, remark in zip(curve.sizes, curve.times, curve.remarks or [""] * len(curve.sizes)):
-            value, low, high = median_interval(times)
-            row = replace(
-                base, metric="scaling.time", unit="s", subject=f"{size} {curve.unit}", reason=remark
-            )
-            rows.append(replace(row, value=value, low=low, high=high))
-        value, low, high = exponent(curve.sizes, curve.times)
-        rows.append(replace(base, metric="scaling.exponent", unit="1", value=value, low=low, high=high))
+            row = replace(base, metric="scaling.time", subject=f"{size} {curve.unit}", reason=remark)
+            rows.append(with_interval(row, median_interval(times), unit="s"))
+        power = replace(base, metric="scaling.exponent", unit="1")
+        rows.append(with_interval(power, exponent(curve.sizes, curve.times)))
     return rows

@@ -53,6 +53,7 @@ def challenge(
 
     Exit code 1: more rows are over their limits than under `recommended`.
     """
+    from touchstone.adapters.registry import ENGINES
     from touchstone.reports.results import rows_of
     from touchstone.reports.run.study import run
     from touchstone.reports.runner.request import MACHINE_PROFILE, Request
@@ -60,7 +61,7 @@ def challenge(
     given = settings_file(file)
     engine = options.engine_installed(given.engine)
     scenarios = tuple(scenarios_for(scenario or [], tag))
-    profiles = _profiles(engine)
+    profiles = list(ENGINES[engine].profiles)
     own, named = (engine, options.known("profile", given.profile, profiles)), f"{engine} {given.profile}"
     before = (engine, MACHINE_PROFILE if MACHINE_PROFILE in profiles else profiles[0])
     changes = options.changes_for([own], [f"{engine}.{key}={value}" for key, value in given.settings.items()])
@@ -102,12 +103,6 @@ def settings_file(path: Path) -> SettingsFile:
     if faults:
         options.stop(message_of(faults))
     return SettingsFile(**data)
-
-
-def _profiles(engine: str) -> list[str]:
-    from touchstone.adapters.registry import ENGINES
-
-    return list(ENGINES[engine].profiles)
 
 
 def missed(rows: Iterable[Row]) -> Iterator[Row]:

@@ -313,8 +313,6 @@ def tuned_lines(asked: Asked, found: Found, pasted: list[str]) -> list[str]:
 
 def compared(one: MeasuredSetting, best: MeasuredSetting, limits: Mapping[str, float]) -> str:
     """Errors and time of a setting, and over those of the best."""
-    from math import isfinite
-
     from touchstone.reports.studies.work_precision.cheapest import TIME
     from touchstone.reports.studies.work_precision.definitions import QUANTITIES
     from touchstone.reports.studies.work_precision.study import number
@@ -332,8 +330,6 @@ def compared(one: MeasuredSetting, best: MeasuredSetting, limits: Mapping[str, f
 
 def tuned_rows(asked: Asked, found: Found, pasted: list[str]) -> list[dict[str, object]]:
     """The best setting, its ablation and the profiles, a row each (`setting_row`)."""
-    from math import isfinite
-
     places = [("best" if found.met else "nearest", found.best), *found.ablation.items()]
     places += [("profile", one) for one in found.profiles]
     return [

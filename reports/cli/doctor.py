@@ -85,9 +85,9 @@ def environment_rows() -> list[tuple[str, str, str]]:
 
 def libraries() -> list[tuple[str, str]]:
     """(library, version) of the libraries on which results depend."""
-    from touchstone.reports.docs.listing import package_version
+    from touchstone.reports.machine import package_version
 
-    return [(name, package_version(name) or "not installed") for name in LIBRARIES]
+    return [(name, package_version(name, "not installed")) for name in LIBRARIES]
 
 
 def compile_facts() -> dict[str, str]:

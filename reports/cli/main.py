@@ -55,35 +55,16 @@ app.add_typer(study, name="study")
 app.add_typer(reality, name="reality")
 app.add_typer(failings, name="failings")
 app.add_typer(env, name="env")
-app.command()(bench)
-app.command()(soak)
-app.command()(nightly)
-app.command()(accept)
-app.command()(sweep)
-app.command()(cheapest)
-app.command()(tune)
-app.command()(challenge)
-app.command()(docs)
-app.command()(schema)
-app.command("import")(import_robot)
-app.command()(export)
-app.command()(reproduce)
-app.command()(compare)
-app.command()(tolerances)
-app.command()(judge)
-app.command()(versions)
-app.command()(view)
+COMMANDS: tuple[Callable[..., None], ...] = (
+    *(bench, soak, nightly, accept, sweep, cheapest, tune, challenge, docs, schema, import_robot),
+    *(export, reproduce, compare, tolerances, judge, versions, view),
+)
+for command in COMMANDS:
+    app.command("import" if command is import_robot else None)(command)
 
 
-class Listing(StrEnum):
-    """Arguments of `list`."""
-
-    scenarios = "scenarios"
-    engines = "engines"
-    metrics = "metrics"
-    profiles = "profiles"
-    settings = "settings"
-    failings = "failings"
+Listing = StrEnum("Listing", "scenarios engines metrics profiles settings failings")
+"""Arguments of `list`."""
 
 
 def main() -> None:

@@ -24,11 +24,12 @@ def nightly(
     quiet: options.QuietOption = False,
 ) -> None:
     """Measure all scenes, store the night, and compare it with the accepted night and with those before."""
+    from touchstone.adapters.registry import ENGINES
     from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes, working_folder
     from touchstone.reports.nightly.store import Store, StoreError
     from touchstone.reports.runner.request import DEFAULT_PROFILES, columns_of
 
-    columns = columns_of(_engines(), QUICK_PROFILES if quick else DEFAULT_PROFILES)
+    columns = columns_of(ENGINES, QUICK_PROFILES if quick else DEFAULT_PROFILES)
     settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}
     options.require_judge()
     try:
@@ -62,12 +63,6 @@ def nightly(
     if measured.faults:
         raise typer.Exit(options.INTERNAL_ERROR)
     options.exit_for(measured.frame.verdict, by_name=False)
-
-
-def _engines() -> list[str]:
-    from touchstone.adapters.registry import ENGINES
-
-    return list(ENGINES)
 
 
 def _publish(

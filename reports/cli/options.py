@@ -29,14 +29,8 @@ INTERNAL_ERROR, INTERRUPTED, CLOSED_OUTPUT = 70, 130, 141
 written, unjudged results and a missing engine: 3 or 4 means that nothing else went wrong."""
 
 
-class Format(StrEnum):
-    """Formats of machine and human output."""
-
-    table = "table"
-    json = "json"
-    csv = "csv"
-
-
+Format = StrEnum("Format", "table json csv")
+"""Formats of human and machine output."""
 FormatOption = Annotated[Format, typer.Option("--format", help="Of what goes to standard output.")]
 QuietOption = Annotated[
     bool, typer.Option("--quiet", help="No progress and no table; failures are still printed.")
@@ -45,6 +39,9 @@ QuietOption = Annotated[
 Names = list[str] | None
 """Type of an option or argument that takes names; none are the default that its help states."""
 EngineOption = Annotated[Names, typer.Option(help="Engines (default: all).")]
+USUAL = ("balanced", "recommended")
+UsualProfileOption = Annotated[Names, typer.Option(help="Profiles (default: balanced, recommended).")]
+"""Profiles of a study that plays every engine in one."""
 JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes (default: one per core).")]
 DaskOption = Annotated[str, typer.Option(help="Play on this Dask scheduler (tcp://host:8786), or local.")]
 STORE = Path("runs/sweep")
@@ -122,9 +119,7 @@ def known(kind: str, name: str, valid: Iterable[str]) -> str:
     return name
 
 
-def columns_for(
-    engines: Iterable[str], profiles: Iterable[str], default: Iterable[str] = ()
-) -> tuple[tuple[str, str], ...]:
+def columns_for(engines: Names, profiles: Names, default: Iterable[str] = ()) -> tuple[tuple[str, str], ...]:
     """(engine, profile) columns of the named engines (none: all) and profiles (none: `default`, or all).
 
     Where no profile is named, an engine that has none of `default` plays its first.
@@ -132,9 +127,9 @@ def columns_for(
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.runner.request import columns_of
 
-    names = engines_named(engines) or list(ENGINES)
+    names = engines_named(engines or ()) or list(ENGINES)
     every = dict.fromkeys(profile for entry in ENGINES.values() for profile in entry.profiles)
-    wanted = [known("profile", name, every) for name in dict.fromkeys(profiles)]
+    wanted = [known("profile", name, every) for name in dict.fromkeys(profiles or ())]
     asked = wanted or list(default)
     # Without names, each engine uses its profiles in its own order.
     columns = columns_of(names, asked) if asked else tuple((e, p) for e in names for p in ENGINES[e].profiles)
@@ -233,15 +228,10 @@ def printed(frame: pd.DataFrame, output: Format) -> bool:
 
 def version() -> str:
     """Version of the program."""
-    from importlib.metadata import PackageNotFoundError
-    from importlib.metadata import version as version_of
-
     from touchstone.adapters.engines.reference import ENTRY
+    from touchstone.reports.machine import package_version
 
-    try:
-        return version_of(ENTRY.distribution)
-    except PackageNotFoundError:
-        return "not installed"
+    return package_version(ENTRY.distribution, "not installed")
 
 
 FOLDERS = count(1)

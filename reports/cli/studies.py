@@ -43,6 +43,11 @@ class StudyRequest:
     report: Callable[[pd.DataFrame], list[Part]]
     store: Path | None = None
 
+    @classmethod
+    def of(cls, module: Any, steps: int, *arguments: Any) -> StudyRequest:
+        """A study without a store: `run` of its module with arguments, and `report`."""
+        return cls(steps, partial(module.run, *arguments), module.report)
+
 
 study = typer.Typer(help="Studies beside the scenes.", no_args_is_help=True)
 reality = typer.Typer(help="Measured motion, played by every engine.", no_args_is_help=True)
@@ -121,7 +126,7 @@ def narrow_phase(
         return StudyRequest(len(given) * len(DETECTORS), run, module.report)
     if (count := int(pairs)) > MOST:
         options.stop(f"--pairs {pairs}: expected at most {MOST}")
-    return StudyRequest(count * len(DETECTORS), partial(module.run, count, seed), module.report)
+    return StudyRequest.of(module, count * len(DETECTORS), count, seed)
 
 
 def _pairs_of(path: Path) -> list[GivenPair]:
@@ -144,7 +149,7 @@ def inverse_kinematics(
     """Solve inverse kinematics of an arm from near and from rest, beside a loop on pinocchio."""
     from touchstone.reports.studies import inverse_kinematics as module
 
-    return StudyRequest(module.steps(goals), partial(module.run, goals, seed), module.report)
+    return StudyRequest.of(module, module.steps(goals), goals, seed)
 
 
 @studied("calibration")
@@ -155,10 +160,8 @@ def calibration(
     """Measure the restitution and friction that engines achieve, beside what they were asked for."""
     from touchstone.reports.studies.calibration import study as module
 
-    columns = options.columns_for(engine or [], profile or [])
-    return StudyRequest(
-        len(module.tasks(columns, module.Requested())), partial(module.run, columns), module.report
-    )
+    columns = options.columns_for(engine, profile)
+    return StudyRequest.of(module, len(module.tasks(columns, module.Requested())), columns)
 
 
 @studied("agreement", judge=True)
@@ -171,7 +174,7 @@ def agreement(
     from touchstone.reports.studies import agreement as module
 
     chosen = scenes_named(scenario or module.SCENES)
-    return StudyRequest(module.steps(chosen), partial(module.run, chosen), module.report)
+    return StudyRequest.of(module, module.steps(chosen), chosen)
 
 
 @studied("convergence")
@@ -206,7 +209,7 @@ def ablation(
 
     profile = options.known("profile", profile, ENGINES["reference"].profiles)
     asked = module.variations(name or (), profile, scenes)
-    return StudyRequest(len(asked), partial(module.run, asked), module.report)
+    return StudyRequest.of(module, len(asked), asked)
 
 
 @studied("effects")
@@ -224,7 +227,7 @@ def effects(
         scenes_named(scenario or ()) or module.scenes(),
         options.engines_named(engine or ENGINES),
     )
-    return StudyRequest(len(chosen) * len(engines), partial(module.run, chosen, engines), module.report)
+    return StudyRequest.of(module, len(chosen) * len(engines), chosen, engines)
 
 
 @studied("predictability", judge=True)
@@ -236,7 +239,7 @@ def predictability(
     from touchstone.reports.studies import predictability as module
 
     chosen = scenes_named(scenario or module.SCENES)
-    return StudyRequest(module.steps(chosen), partial(module.run, chosen, seed), module.report)
+    return StudyRequest.of(module, module.steps(chosen), chosen, seed)
 
 
 @studied("robustness", judge=True)
@@ -252,10 +255,10 @@ def robustness(
     from touchstone.reports.studies import robustness as module
     from touchstone.scenarios.random_scenes import ALL_KINDS
 
-    columns = options.columns_for(engine or ["reference"], profile or [], module.PROFILES)
+    columns = options.columns_for(engine or ["reference"], profile, module.PROFILES)
     chosen = options.known("kind", kind, ALL_KINDS) if kind else None
     asked = module.tasks(columns, scenes, seed, chosen, perturbation)
-    return StudyRequest(len(asked), partial(module.run, columns, asked), module.report)
+    return StudyRequest.of(module, len(asked), columns, asked)
 
 
 @studied("paper", judge=True)
@@ -265,7 +268,7 @@ def paper(
     """Replay the experiments of the paper on the profile `paper`, and judge its claims one by one."""
     from touchstone.reports.studies.paper import study as module
 
-    return StudyRequest(module.steps(repeats), partial(module.run, repeats), module.report)
+    return StudyRequest.of(module, module.steps(repeats), repeats)
 
 
 @studied("work-precision", judge=True)
@@ -333,7 +336,7 @@ def stability(
     from touchstone.scenarios.difficulty.family import families
 
     names = [options.known("family", name, families()) for name in family or ()]
-    columns = options.columns_for(engine or [], profile or [], play.QUICK if quick else play.PROFILES)
+    columns = options.columns_for(engine, profile, play.QUICK if quick else play.PROFILES)
     scope = play.Scope(columns, play.chosen(names), quick)
     run = partial(module.run, scope, store, jobs=jobs, sheet=sheet, seed=seed)
     return StudyRequest(len(scope.cells()) + sheet, run, module.report, store)
@@ -345,7 +348,7 @@ def relations(
         options.Names, typer.Argument(help="Scenes (default: the smaller probes).", show_default=False)
     ] = None,
     engine: options.EngineOption = None,
-    profile: Annotated[options.Names, typer.Option(help="Profiles (default: balanced, recommended).")] = None,
+    profile: options.UsualProfileOption = None,
     quick: Annotated[bool, typer.Option("--quick", help="Six scenes.")] = False,
 ) -> StudyRequest:
     """Turn, mirror, move, scale and split scenes: does the motion change accordingly, and not otherwise?"""
@@ -355,24 +358,22 @@ def relations(
     valid, names = all_names(), dict.fromkeys(scenario or (module.QUICK if quick else ()))
     scenes = [find(name if name in valid else options.known("scenario", name, catalogue())) for name in names]
     scenes = scenes or module.default_scenes()
-    columns = options.columns_for(engine or [], profile or [], ("balanced", "recommended"))
-    return StudyRequest(
-        len(module.tasks(columns, scenes)), partial(module.run, columns, scenes), module.report
-    )
+    columns = options.columns_for(engine, profile, options.USUAL)
+    return StudyRequest.of(module, len(module.tasks(columns, scenes)), columns, scenes)
 
 
 @studied("parity")
 def parity(
     scenario: Annotated[options.Names, typer.Argument(help="Scenes (default: five of all kinds).")] = None,
     engine: options.EngineOption = None,
-    profile: Annotated[options.Names, typer.Option(help="Profiles (default: balanced, recommended).")] = None,
+    profile: options.UsualProfileOption = None,
 ) -> StudyRequest:
     """Repeat scenes: other process, threads, order of bodies, batch, backend; what is equal to the bit?"""
     from touchstone.reports.studies import parity as module
 
     chosen = scenes_named(scenario or module.SCENES)
-    columns = options.columns_for(engine or [], profile or [], ("balanced", "recommended"))
-    return StudyRequest(module.steps(columns, chosen), partial(module.run, columns, chosen), module.report)
+    columns = options.columns_for(engine, profile, options.USUAL)
+    return StudyRequest.of(module, module.steps(columns, chosen), columns, chosen)
 
 
 @studied("gradients")
@@ -386,10 +387,10 @@ def gradients(
     """Take derivatives of end states by central differences, and compare them with closed forms."""
     from touchstone.reports.studies import gradients as module
 
-    columns = options.columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    columns = options.columns_for(engine, profile, options.USUAL)
     if not profile and module.JUDGED[0] in dict(columns):
         columns = (columns[0], module.JUDGED[:2], *columns[1:])
-    return StudyRequest(len(module.tasks(columns)), partial(module.run, columns), module.report)
+    return StudyRequest.of(module, len(module.tasks(columns)), columns)
 
 
 @studied("tosses", group=reality)
@@ -397,17 +398,16 @@ def tosses(
     folder: Annotated[Path, typer.Argument(help="Folder of tosses.npz, or of a CSV file per toss.")],
     most: Annotated[int, typer.Option("--tosses", min=2, help="Play at most so many, evenly chosen.")] = 100,
     engine: options.EngineOption = None,
-    profile: Annotated[options.Names, typer.Option(help="Profiles (default: balanced, recommended).")] = None,
+    profile: options.UsualProfileOption = None,
 ) -> StudyRequest:
     """Play measured tosses of a box from their start: errors over time, identified e and mu, the floor."""
     from touchstone.reports.studies.tosses import study as module
     from touchstone.reports.studies.tosses.measured import read
 
-    columns = options.columns_for(engine or [], profile or [], ("balanced", "recommended"))
+    columns = options.columns_for(engine, profile, options.USUAL)
     box, found = read(folder)
     chosen = [found[k * len(found) // min(most, len(found))] for k in range(min(most, len(found)))]
-    run = partial(module.run, columns, box, chosen)
-    return StudyRequest(len(module.tasks(columns)) + 1, run, module.report)
+    return StudyRequest.of(module, len(module.tasks(columns)) + 1, columns, box, chosen)
 
 
 def bench(

@@ -58,7 +58,7 @@ def sweep(
     if slurm_script is not None:
         options.require_new(slurm_script, "--slurm-script")
     scenarios = scenes_for(scenario or [], tag)
-    columns = options.columns_for(engine or [], profile or [], DEFAULT_PROFILES)
+    columns = options.columns_for(engine, profile, DEFAULT_PROFILES)
     names = [one.name for one in scenarios]
     for option, given in (("--dask", dask), ("--slurm-script", slurm_script), ("--part", part)):
         if timing and given:

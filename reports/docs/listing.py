@@ -9,10 +9,10 @@ import shutil
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from math import inf
 from typing import Literal
 
+from touchstone.reports.machine import package_version
 from touchstone.scenarios.scenario import UNBOUNDED, Scenario, Vector
 
 ARCS_SHOWN = 6
@@ -30,14 +30,6 @@ LAWS = {
 }
 
 
-def package_version(package: str) -> str | None:
-    """Version of an installed distribution, or None."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
-
-
 def engines() -> list[tuple[str, str, str]]:
     """(engine, version, install hint) of every engine; the hint is empty if it is installed."""
     from touchstone.adapters.registry import ENGINES, OURS, available, distribution, installed, missing_reason
@@ -46,8 +38,8 @@ def engines() -> list[tuple[str, str, str]]:
     for name in available():
         # The module of a plug-in that is merely declared is not imported.
         there = name not in (*ENGINES, *OURS) or installed(name)
-        found = package_version(distribution(name)) if there else None
-        rows.append((name, found or "-", "" if there else missing_reason(name)))
+        found = package_version(distribution(name), "-") if there else "-"
+        rows.append((name, found, "" if there else missing_reason(name)))
     return rows
 
 

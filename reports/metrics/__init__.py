@@ -128,6 +128,13 @@ IMPULSE_METRICS = (
 DRIVEN_METRICS = tuple(name for name in IMPULSE_METRICS if name != "contact.at_distance")
 """Metrics that also use impulses on driven bodies."""
 
+
+def in_tables(metric: str) -> tuple[str, float]:
+    """Unit of a metric in tables, and how many of it make one of the metric's."""
+    known = METRICS.get(metric)
+    return (known.shown or (known.unit, 1.0)) if known else ("1", 1.0)
+
+
 OTHER_LABELS = {
     "run": "run",
     "ratio.time": "mean frame time with contact, over that of",

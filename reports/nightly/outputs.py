@@ -65,18 +65,12 @@ def listed(findings: Sequence[Finding]) -> list[str]:
 
 def changes(findings: Sequence[Finding]) -> list[Change]:
     """The findings as the page shows them, the gravest first."""
-    return [
-        Change(
-            one.kind,
-            one.scene,
-            f"{one.engine} {one.profile}".strip(),
-            one.metric,
-            one.subject,
-            one.moved.replace("->", "→"),
-            one.text.replace("->", "→"),
-        )
-        for one in ordered(findings)
-    ]
+    found = []
+    for one in ordered(findings):
+        moved, text = (said.replace("->", "→") for said in (one.moved, one.text))
+        engine = f"{one.engine} {one.profile}".strip()
+        found.append(Change(one.kind, one.scene, engine, one.metric, one.subject, moved, text))
+    return found
 
 
 def _own_times(history: pd.DataFrame) -> pd.DataFrame:

@@ -22,7 +22,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -32,7 +31,7 @@ import pyarrow.parquet as pq
 from pydantic import AwareDatetime, BaseModel, Field
 
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.machine import machine, origin
+from touchstone.reports.machine import machine, origin, package_version
 from touchstone.reports.results import COLUMNS, NUMBERS, write_beside
 from touchstone.scenarios.files.safe_paths import fault_line, json_of, json_value, regular
 
@@ -300,7 +299,7 @@ def identity(settings: Mapping[str, Any]) -> dict[str, Any]:
         "started": started.isoformat(timespec="seconds"),
         "commit": facts["commit"].rstrip("+"),
         "dirty": facts["commit"].endswith("+"),
-        "versions": {**_engine_versions(), **{name: _version(name) for name in LIBRARIES}},
+        "versions": {**_engine_versions(), **{name: package_version(name, "-") for name in LIBRARIES}},
         "machine": {
             **mine,
             "python": hardware["python"],
@@ -342,14 +341,9 @@ def _short(value: object) -> str:
 
 
 def _engine_versions() -> dict[str, str]:
-    return {name: _version(entry.distribution or entry.package) for name, entry in ENGINES.items()}
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "-"
+    return {
+        name: package_version(entry.distribution or entry.package, "-") for name, entry in ENGINES.items()
+    }
 
 
 def _flags() -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.views.render import Part
-from touchstone.reports.views.tables import Column
+from touchstone.reports.views.tables import Column, first_columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,10 +152,7 @@ class Content:
 
     def first_columns(self) -> list[Column]:
         """The first column of each engine: its own profile."""
-        found: dict[str, Column] = {}
-        for column in self.columns():
-            found.setdefault(column[0], column)
-        return list(found.values())
+        return first_columns(self.columns())
 
 
 def rows_by_scene(frame: pd.DataFrame) -> dict[str, list[Row]]:

@@ -170,16 +170,10 @@ def changes_part(changes: Sequence[Change], scenes: Collection[str]) -> str:
     parts = []
     for number, kind in enumerate(kinds):
         mine = [change for change in changes if change.kind == kind]
-        rows: list[list[Inline]] = [
-            [
-                scene_part(change.scene, scenes),
-                change.engine,
-                metric_part(change.metric, change.subject),
-                change.moved,
-                change.text,
-            ]
-            for change in mine[:MOST]
-        ]
+        rows: list[list[Inline]] = []
+        for one in mine[:MOST]:
+            figure = metric_part(one.metric, one.subject)
+            rows.append([scene_part(one.scene, scenes), one.engine, figure, one.moved, one.text])
         heads = ("scene", "engine", "figure", "before → after", "")
         more = f"<p>{len(mine) - MOST} more are stored.</p>" if len(mine) > MOST else ""
         words = f"{len(mine)} {kind}" if kind == "gone" else plural(len(mine), kind)

@@ -29,7 +29,7 @@ from touchstone.reports.page.playback import packed
 from touchstone.reports.results import write_beside
 from touchstone.reports.views.matrix import verdict_of
 from touchstone.reports.views.published import published_part
-from touchstone.reports.views.tables import Column
+from touchstone.reports.views.tables import Column, first_columns
 from touchstone.scenarios.files.safe_paths import regular
 from touchstone.scenarios.scenario import Scenario
 
@@ -39,12 +39,8 @@ if TYPE_CHECKING:
 
 def packed_scene(scenario: Scenario, played: Mapping[tuple[str, str], Context]) -> dict[str, str]:
     """The recordings of a scene for the page, each engine in its first profile that played."""
-    own: dict[str, tuple[str, str]] = {}
-    for column in played:
-        own.setdefault(column[0], column)
-    if not own:
-        return {}
-    return {scenario.name: pack_text(packed(scenario, {column: played[column] for column in own.values()}))}
+    own = {column: played[column] for column in first_columns(played)}
+    return {scenario.name: pack_text(packed(scenario, own))} if own else {}
 
 
 def write_page(request: Request, results: Results, manifest: Mapping[str, Any], folder: Path) -> None:
@@ -76,12 +72,8 @@ def _courses(
     """Time series of each scene, each engine in its first profile that played."""
     found: dict[str, tuple[Scenario, Mapping[tuple[str, str], Course]]] = {}
     for scenario in request.scenarios:
-        own: dict[str, tuple[str, str]] = {}
-        for scene, engine, profile in results.courses:
-            if scene == scenario.name:
-                own.setdefault(engine, (engine, profile))
-        courses = {column: results.courses[scenario.name, *column] for column in own.values()}
-        found[scenario.name] = scenario, courses
+        own = first_columns(key[1:] for key in results.courses if key[0] == scenario.name)
+        found[scenario.name] = scenario, {column: results.courses[scenario.name, *column] for column in own}
     return found
 
 

@@ -192,15 +192,8 @@ def settings_part(settings: Mapping[str, Mapping[str, object]]) -> str:
             values: dict[str, list[str]] = {}
             for scene, facts in scenes.items():
                 values.setdefault(facts.get(name, "-"), []).append(scene)
-            one = len(values) == 1
-            rows.append(
-                [
-                    name,
-                    next(iter(values))
-                    if one
-                    else "; ".join(f"{v} ({', '.join(s)})" for v, s in values.items()),
-                ]
-            )
+            several = "; ".join(f"{value} ({', '.join(where)})" for value, where in values.items())
+            rows.append([name, next(iter(values)) if len(values) == 1 else several])
         parts.append(f"<h3>{escape(head)}</h3>{plain_table(['setting', 'value'], rows, 2)}")
     return "".join(parts) or "<p>None.</p>"
 

@@ -24,7 +24,13 @@ from touchstone.reports.metrics.context import Context
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
 from touchstone.reports.runner.cells import PERTURBATION
-from touchstone.reports.runner.measures import HORIZON_DISTANCE, PERTURBED_SEEDS, closed_path, moving
+from touchstone.reports.runner.measures import (
+    HORIZON_DISTANCE,
+    PERTURBED_SEEDS,
+    closed_path,
+    last_within,
+    moving,
+)
 from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY
 from touchstone.reports.views.apart import length_text
 from touchstone.scenarios.scenario import Scenario
@@ -77,8 +83,7 @@ def parity_rows(scenario: Scenario, played: Mapping[Column, Context]) -> list[Ro
             continue
         pair = {column: played[column] for column in ((other, label), (engine, label))}
         away = next(iter(_distances(pair, groups).values())).max(axis=1)
-        beyond = np.flatnonzero(~(away <= THRESHOLD))
-        until = (int(beyond[0]) - 1 if len(beyond) else len(away) - 1) / scenario.frame_rate
+        until = last_within(away, THRESHOLD) / scenario.frame_rate
         said = f"bodies are within {length_text(THRESHOLD)} of those of {other}"
         said += f", at most {length_text(np.nanmax(away))} apart"
         dt = context.recording.facts["dt"]
@@ -101,8 +106,7 @@ def measured_horizon(scenario: Scenario, plain: Job, children: Children, progres
             bodies, other = moving(scenario), load(job.recording).position
             frames = min(len(other), len(unperturbed.position))
             away = (other[:frames] - unperturbed.position[:frames])[:, bodies]
-            beyond = np.flatnonzero(np.linalg.norm(away, axis=-1).max(axis=1, initial=0.0) > HORIZON_DISTANCE)
-            last = min(last, frames - 1, int(beyond[0]) - 1 if len(beyond) else last)
+            last = min(last, last_within(np.linalg.norm(away, axis=-1).max(axis=1), HORIZON_DISTANCE))
     return max(last, 1) / scenario.frame_rate
 
 

@@ -23,7 +23,7 @@ from touchstone.reports.progress import SCENE, Progress
 from touchstone.reports.results import Row, save, save_manifest, table, write_beside
 from touchstone.reports.run.farthest_apart import apart_rows, measured_horizon, parity_rows
 from touchstone.reports.run.ratios import ratio_rows, timed
-from touchstone.reports.runner.request import MACHINE_PROFILE, STUDY, Request, Results
+from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY, Request, Results
 from touchstone.reports.verdict.judge import judged_in, lost
 from touchstone.reports.verdict.rows import excused, measured_of
 from touchstone.reports.views.comparison_pictures import draw, draw_forces
@@ -62,20 +62,9 @@ def spreads_of(scenario: Scenario, rows: list[Row]) -> list[Row]:
         middle = float(np.median(list(values.values())))
         outlier = max(values, key=lambda engine: abs(values[engine] - middle))
         spread = max(values.values()) - min(values.values())
-        found.append(
-            Row(
-                STUDY,
-                scenario.name,
-                "all",
-                MACHINE_PROFILE,
-                float("nan"),
-                f"{metric}.spread",
-                spread,
-                unit,
-                subject,
-                reason=f"outlier {outlier}: {values[outlier]:.4g}, median {middle:.4g}",
-            )
-        )
+        key = (STUDY, scenario.name, EVERY_ENGINE, MACHINE_PROFILE, nan, f"{metric}.spread")
+        reason = f"outlier {outlier}: {values[outlier]:.4g}, median {middle:.4g}"
+        found.append(Row(*key, spread, unit, subject, reason=reason))
     return found
 
 

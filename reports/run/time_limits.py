@@ -8,7 +8,6 @@ comparison and metric. Measure again by `touchstone bench frame` and
 
 from __future__ import annotations
 
-import csv
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -119,23 +118,15 @@ def _measured() -> dict[Key, float]:
 
 def read(path: Path) -> dict[Key, float]:
     """The measured ratios of a file."""
-    with open(path, newline="") as file:
-        return {
-            (row["scenario"], row["profile"], row["kind"], row["metric"]): float(row["ratio"])
-            for row in csv.DictReader(file)
-        }
+    found = pd.read_csv(path, keep_default_na=False).set_index(list(KEYS)).ratio
+    return {key: float(ratio) for key, ratio in found.items()}  # type: ignore[misc]
 
 
 def write(measured: Mapping[Key, float], path: Path) -> None:
     """Write measured ratios, sorted."""
-
-    def fill(part: Path) -> None:
-        with open(part, "w", newline="") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow((*KEYS, "ratio"))
-            table.writerows((*key, f"{ratio:.3g}") for key, ratio in sorted(measured.items()))
-
-    write_beside(path, fill)
+    rows = [(*key, f"{ratio:.3g}") for key, ratio in sorted(measured.items())]
+    frame = pd.DataFrame(rows, columns=[*KEYS, "ratio"])
+    write_beside(path, lambda part: frame.to_csv(part, index=False, lineterminator="\n"))
 
 
 def measured_of(rows: Iterable[Row]) -> dict[Key, float]:

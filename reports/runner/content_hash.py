@@ -11,13 +11,13 @@ import importlib.util
 import json
 from collections.abc import Iterable
 from functools import cache
-from importlib.metadata import PackageNotFoundError, distributions, version
+from importlib.metadata import distributions
 from pathlib import Path
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import scenario_json
 from touchstone.adapters.registry import ENGINES, OURS
-from touchstone.reports.machine import machine
+from touchstone.reports.machine import machine, package_version
 from touchstone.reports.runner.cells import SCENES_KEPT, TIMING, Cell, scene_of
 from touchstone.scenarios.scenario import Scenario
 
@@ -139,10 +139,7 @@ def _installed() -> str:
 
 @cache
 def _version(distribution: str) -> str:
-    try:
-        return version(distribution)
-    except PackageNotFoundError:
-        return "not installed"
+    return package_version(distribution, "not installed")
 
 
 @cache

@@ -55,11 +55,6 @@ class Executor(Protocol):
         """Play all cells; yields them in the order in which they end."""
 
 
-@cache
-def _processor() -> str:
-    return machine()["processor"]
-
-
 def play_cell(engine: Engine, cell: Cell) -> Done:
     """Play one cell in this process."""
     start = perf_counter()
@@ -72,7 +67,7 @@ def play_cell(engine: Engine, cell: Cell) -> Done:
     found: Measured = named(cell.measure)(cell, scenario, engine)
     series = {metric: array.tolist() for metric, array in found.series.items()}
     seconds = replace(base_row(cell), metric="seconds", value=perf_counter() - start, unit="s")
-    return Done(cell, (*found.rows, seconds), series=series, machine=_processor())
+    return Done(cell, (*found.rows, seconds), series=series, machine=machine()["processor"])
 
 
 def finished(cell: Cell, found: Done | Ended) -> Done:
@@ -83,7 +78,7 @@ def finished(cell: Cell, found: Done | Ended) -> Done:
     diverged = found.reason.startswith(DIVERGED)
     row = replace(base_row(cell), verdict=found.status, reason=found.reason)
     outcome = found.process or (DIVERGED if diverged else found.status)
-    return Done(cell, (row,), outcome, machine=_processor())
+    return Done(cell, (row,), outcome, machine=machine()["processor"])
 
 
 class InPool:

@@ -67,6 +67,12 @@ def moving(scenario: Scenario) -> list[int]:
     return []
 
 
+def last_within(away: Array, distance: float) -> int:
+    """Last frame before the first in which a distance (f,) exceeds one [m] or is unknown; else the last."""
+    beyond = np.flatnonzero(~(away <= distance))
+    return (int(beyond[0]) if len(beyond) else len(away)) - 1
+
+
 def closed_path(scenario: Scenario) -> Array | None:
     """Centres of mass of the moving bodies in closed form (f, n, 3) [m]; None unless all have one."""
     truths = {scenario.body_index(truth.body): truth for truth in scenario.truths}

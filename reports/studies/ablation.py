@@ -52,14 +52,8 @@ LEAST_TIME, MOST_TIME = 1e-2, 0.3
 """Times of all frames of a scene between which its time is compared [s]: shorter ones are noise."""
 METRICS = (
     *("truth.position", "truth.velocity", "overlap.max", "overlap.tunnelled", "energy.injected"),
-    *(
-        "friction.deficit",
-        "friction.cone",
-        "restitution.error",
-        "contact.gap",
-        "force.error",
-        "solver.residual",
-    ),
+    *("friction.deficit", "friction.cone", "restitution.error", "contact.gap"),
+    *("force.error", "solver.residual"),
 )
 """What is measured of scenes with limits."""
 PATIENCE = 20.0

@@ -335,15 +335,12 @@ def _savings(
     axes: Axes, rows: dict[tuple[str, str, str, str], Row], scenes: list[str], engines: list[str]
 ) -> None:
     for k, engine in enumerate(engines):
+        colour, shift = color_of(engine), 0.16 * (k - (len(engines) - 1) / 2)
         for y, scene in enumerate(scenes):
-            row = rows.get((scene, engine, "time.saved", ALL))
-            if row is None:
-                continue
-            place = y + 0.16 * (k - (len(engines) - 1) / 2)
-            colour = color_of(engine)
-            axes.plot([100 * row.low, 100 * row.high], [place, place], color=colour, linewidth=1)
-            size = 5 if engine == REFERENCE else 3.5
-            axes.plot(100 * row.value, place, color=colour, marker=marker_of(engine), markersize=size)
+            if row := rows.get((scene, engine, "time.saved", ALL)):
+                axes.hlines(y + shift, 100 * row.low, 100 * row.high, color=colour, linewidth=1)
+                size = 5 if engine == REFERENCE else 3.5
+                axes.plot(100 * row.value, y + shift, marker_of(engine), color=colour, markersize=size)
     axes.axvline(0, color=INK, linewidth=0.8)
     axes.set_yticks(range(len(scenes)), scenes)
     axes.set_ylim(len(scenes) - 0.5, -0.5)

@@ -363,6 +363,5 @@ def errors_picture(frame: pd.DataFrame, path: Path) -> None:
         axes.set_xlabel("h over the parameter [1]", color=INK)
         drawn.colorbar(colors, label="error of the derivative [1]", pad=0.01).outline.set_edgecolor(PALE)
         axes.spines[:].set_visible(False)
-        headline(drawn, "Derivatives of the end state: where they are wrong")
         note = f"central differences with steps h, against closed forms; median over {STARTS} starts"
-        drawn.text(0.01, 1 - 0.36 / drawn.get_figheight(), note, color=PALE, fontsize=10, va="top")
+        headline(drawn, "Derivatives of the end state: where they are wrong", note)

@@ -156,15 +156,10 @@ def steps(goals: int) -> int:
 def run(goals: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
     """Measure all solvers; store rows and manifest. The folder appears complete or not at all."""
     with output_folder(out) as folder:
-        facts = {
-            "study": STUDY,
-            "goals": goals,
-            "seed": seed,
-            "tolerance": CCD_TOLERANCE,
-            "passes": CCD_PASSES,
-        }
-        loop = {"damping": DAMPING, "steps": STEPS}
-        return kept(rows(goals, seed, progress), folder, {**facts, "chain": CHAIN, "pinocchio": loop})
+        facts = {"study": STUDY, "goals": goals, "seed": seed, "chain": CHAIN}
+        facts |= {"tolerance": CCD_TOLERANCE, "passes": CCD_PASSES}
+        facts |= {"pinocchio": {"damping": DAMPING, "steps": STEPS}}
+        return kept(rows(goals, seed, progress), folder, facts)
 
 
 def rows(count: int, seed: int, progress: Progress) -> list[Row]:
@@ -199,22 +194,17 @@ def rows(count: int, seed: int, progress: Progress) -> list[Row]:
 
 def _rows_of(base: Row, answers: Array, loop_seconds: Array) -> list[Row]:
     passes, left, arrived, seconds = answers.T
-    missed = replace(base, metric="ik.missed", unit="1", value=float(1 - arrived.mean()))
-    farthest = replace(base, metric="ik.left", subject="max", unit="m", value=float(left.max()))
-    work = [
-        replace(base, metric="ik.passes", subject=subject, unit="1", value=float(np.percentile(passes, part)))
-        for subject, part in (("median", 50), ("p95", 95), ("max", 100))
-    ]
     found = [
-        missed,
-        farthest,
-        *work,
-        with_interval(base, median_interval(seconds), metric="time.solve", unit="s"),
+        replace(base, metric="ik.missed", unit="1", value=float(1 - arrived.mean())),
+        replace(base, metric="ik.left", subject="max", unit="m", value=float(left.max())),
     ]
+    for subject, part in (("median", 50), ("p95", 95), ("max", 100)):
+        value = float(np.percentile(passes, part))
+        found.append(replace(base, metric="ik.passes", subject=subject, unit="1", value=value))
+    found.append(with_interval(base, median_interval(seconds), metric="time.solve", unit="s"))
     if base.engine != "pinocchio":
         ratio = time_ratio(seconds, loop_seconds)
-        interval = (ratio.value, ratio.low, ratio.high)
-        found.append(with_interval(base, interval, metric="ratio.time", subject="pinocchio", unit="1"))
+        found.append(with_interval(base, ratio, metric="ratio.time", subject="pinocchio", unit="1"))
     return found
 
 

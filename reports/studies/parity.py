@@ -20,6 +20,7 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
 from touchstone.reports.run.farthest_apart import THRESHOLD
+from touchstone.reports.runner.measures import last_within
 from touchstone.reports.runner.tasks import Task, played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
 from touchstone.reports.views.apart import length_text
@@ -118,11 +119,13 @@ def rows_of_pair(name: str, task: Task, one: Array | Ended, other: Array | Ended
             return [Row(*key, f"{STUDY}.{name}", verdict=verdict, reason=found.reason)]
     a, b = np.asarray(one), np.asarray(other)
     away = np.linalg.norm(a[..., :3] - b[..., :3], axis=-1).max(axis=1)
-    beyond = np.flatnonzero(away > THRESHOLD)
-    until = (int(beyond[0]) - 1 if len(beyond) else len(away) - 1) / task.scenario.frame_rate
+    last = last_within(away, THRESHOLD)
+    until = last / task.scenario.frame_rate
     said = "equal to the bit" if np.array_equal(a, b) else "not equal"
     distance = Row(*key, f"{STUDY}.{name}", float(away.max()), "m", reason=said)
-    horizon = Row(*key, f"{STUDY}.{name}.horizon", until, "s", reason="beyond 1 mm" if len(beyond) else "end")
+    horizon = Row(
+        *key, f"{STUDY}.{name}.horizon", until, "s", reason="end" if last == len(away) - 1 else "beyond 1 mm"
+    )
     return [distance, horizon]
 
 

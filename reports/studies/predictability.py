@@ -260,9 +260,8 @@ def amplifications(frame: pd.DataFrame, path: Path) -> None:
             axes.set_title(str(scenario), loc="left", color=INK, fontsize=10)
         handles = [_line(str(engine)) for engine in engines]
         drawn.legend(handles=handles, loc="outside lower left", ncols=max(1, len(handles)), frameon=False)
-        headline(drawn, "How far runs part that start a hair's breadth apart")
         note = f"marker: median of {DRAWS} directions    bar: from the least to the largest"
-        drawn.text(0.01, 1 - 0.36 / drawn.get_figheight(), note, color=PALE, fontsize=9, va="top")
+        headline(drawn, "How far runs part that start a hair's breadth apart", note)
         drawn.supylabel("final distance over it [1]", color=INK, fontsize=9.5)
 
 

@@ -148,7 +148,6 @@ class Soaked:
 
     scenes: int = 0
     frames: int = 0
-    first_seed: int = 0
     classes: Counter[str] = field(default_factory=Counter)
     failures: list[Failure] = field(default_factory=list)
 
@@ -179,7 +178,7 @@ def soak(
         tell: receives one line per failure.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    found = Soaked(first_seed=extent.seed)
+    found = Soaked()
     settings = Settings(profile, ENGINES[ENGINE].profiles[profile])
 
     def one(slot: Slot[EngineProcess], seed: int) -> Iterator[Assessment | Failure]:

@@ -23,16 +23,15 @@ from touchstone.adapters.workers.children import Children, Job, Outcome
 from touchstone.adapters.workers.environment import VersionError, VersionLoader, environment
 from touchstone.adapters.workers.import_check import try_imports
 from touchstone.adapters.workers.scratch import scratch_folder
-from touchstone.reports.bootstrap import Ratio, mean, restart_ratio
+from touchstone.reports.bootstrap import Interval, mean, restart_ratio
 from touchstone.reports.changes import ACROSS_VERSIONS, SHOWN, changes
-from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.solver import state_hash
 from touchstone.reports.progress import SCENE, Progress
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run.study import job_of, judge_outcomes
 from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.views.render import Part
-from touchstone.reports.views.tables import number, unit_of
+from touchstone.reports.views.tables import number, scaled_number, unit_of
 from touchstone.scenarios.scenario import Scenario
 
 
@@ -52,7 +51,7 @@ class Difference:
     version: str
     motion: float
     same: bool
-    time: Ratio | None
+    time: Interval | None
 
 
 @dataclass
@@ -328,15 +327,9 @@ def _figures(found: Compared) -> Part:
         rows.append([row["kind"], key[0], name, "" if unit == "1" else unit, *shown])
     rest = len(changed) - MOST_FIGURES
     notes = [f"{rest} more changed figures are in changes.csv"] if rest > 0 else []
-    return (
-        Part()
-        if not rows
-        else Part("", ("", "scene", "figure", "unit", *versions), rows, notes, words=4, tight=True)
-    )
+    heads = ("", "scene", "figure", "unit", *versions)
+    return Part("", heads, rows, notes, words=4, tight=True) if rows else Part()
 
 
 def _shown(metric: str, value: float) -> str:
-    if np.isnan(value):
-        return "-"
-    shown = METRICS[metric].shown if metric in METRICS else None
-    return number(value * (shown[1] if shown else 1.0))
+    return "-" if np.isnan(value) else scaled_number(metric, value)

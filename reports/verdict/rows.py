@@ -92,17 +92,10 @@ def _expected(rows: list[Row], scenario: Scenario) -> list[Row]:
     for row in rows:
         window = windows.get((row.metric, row.subject))
         if window is not None:
-            inside = window.earliest <= row.value <= window.latest
-            reason = f"the scene expects {window.earliest:g} to {window.latest:g} s"
-            verdict = "pass" if inside else "fail"
-            row = replace(
-                row,
-                low=window.earliest,
-                high=window.latest,
-                limit=window.latest,
-                verdict=verdict,
-                reason=reason,
-            )
+            low, high = window.earliest, window.latest
+            verdict = "pass" if low <= row.value <= high else "fail"
+            reason = f"the scene expects {low:g} to {high:g} s"
+            row = replace(row, low=low, high=high, limit=high, verdict=verdict, reason=reason)
         found.append(row)
     return found
 

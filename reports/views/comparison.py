@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.motion.time_series import Course, heaviest_pairs
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.reproduce import reproduce
 from touchstone.reports.runner.request import step_text
-from touchstone.reports.views.tables import number, unit_of
+from touchstone.reports.views.tables import number, scaled_number, unit_of
 
 if TYPE_CHECKING:
     from touchstone.reports.runner.request import Request, Results
@@ -126,8 +125,7 @@ class Line:
 
     def text(self, value: float) -> str:
         """A value in the unit of tables."""
-        shown = METRICS[self.metric].shown
-        return number(value * (shown[1] if shown else 1.0))
+        return scaled_number(self.metric, value)
 
     @property
     def unit(self) -> str:

@@ -12,12 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics import in_tables
 from touchstone.reports.metrics.motion.time_series import FORCE
 from touchstone.reports.results import Row, rows_of, write_beside
 from touchstone.reports.runner.request import REFERENCE, Request, Results
@@ -33,7 +32,18 @@ from touchstone.reports.views.comparison import (
     head,
     sections,
 )
-from touchstone.reports.views.pictures import INK, PALE, color_of, figure, marker_of
+from touchstone.reports.views.pictures import (
+    INK,
+    PALE,
+    color_of,
+    engines_legend,
+    figure,
+    headline,
+    marker_of,
+    open_axes,
+    panels,
+    rows_for,
+)
 from touchstone.reports.views.tables import number, unit_of
 
 ACROSS = 3
@@ -42,19 +52,11 @@ WIDTH, PANEL, DOT, MILLI = 11.0, 2.3, 0.28, 1e3
 """Width of a picture, heights of a panel and of a row of dots [inches]; milliseconds in a second."""
 BELOW, LEAST_EXCESS = 0.1, 1e-4
 """Smaller values are drawn at these and labelled 0: a share of a line's `same`, an excess of friction [1]."""
+CONE = "largest excess of friction over mu times\npressure, over the latter; Coulomb: 0"
+DEFICIT = "friction over mu times pressure\nwhile sliding; Coulomb: 1"
 FRICTION: tuple[tuple[str, str, float, Callable[[Row], float]], ...] = (
-    (
-        "friction.cone",
-        "largest excess of friction over mu times\npressure, over the latter; Coulomb: 0",
-        0.0,
-        lambda row: max(row.value, LEAST_EXCESS),
-    ),
-    (
-        "friction.deficit",
-        "friction over mu times pressure\nwhile sliding; Coulomb: 1",
-        1.0,
-        lambda row: 1.0 - row.value,
-    ),
+    ("friction.cone", CONE, 0.0, lambda row: max(row.value, LEAST_EXCESS)),
+    ("friction.deficit", DEFICIT, 1.0, lambda row: 1.0 - row.value),
     ("friction.stop", "distance of stopping, too long by;\nCoulomb: 0", 0.0, lambda row: row.value),
 )
 """Metric, the quantity drawn, its truth."""
@@ -94,10 +96,8 @@ def _figure(path: Path, name: str, more: str, own: Columns) -> Iterator[Figure]:
     """A figure with the title and the note of a topic, and the engines; its size is set while it is drawn."""
     with figure(path, WIDTH, PANEL, 9.5) as drawn:
         yield drawn
-        drawn.suptitle(f"{TITLES[name]}\n", x=0.008, ha="left", color=INK, fontsize=13, fontweight="bold")
-        note, top = NOTES[name] + more, 1 - 0.36 / drawn.get_figheight()
-        drawn.text(0.008, top, note, color=PALE, fontsize=9, va="top")
-        _legend(drawn, own)
+        headline(drawn, TITLES[name], NOTES[name] + more)
+        engines_legend(drawn, own, map(head, own.values()))
 
 
 def draw_forces(request: Request, results: Results, folder: Path) -> None:
@@ -107,12 +107,12 @@ def draw_forces(request: Request, results: Results, folder: Path) -> None:
         write_beside(folder / FORCE_PICTURE, partial(_write_forces, panels, columns(results)))
 
 
-def _write_forces(panels: Sequence[ForcePanel], own: Columns, path: Path) -> None:
-    rows = ceil(len(panels) / ACROSS)
+def _write_forces(panels_of: Sequence[ForcePanel], own: Columns, path: Path) -> None:
+    across = min(ACROSS, len(panels_of))
     with _figure(path, "forces", "", own) as drawn:
-        drawn.set_size_inches(WIDTH, 1.1 + PANEL * rows)
-        for k, panel in enumerate(panels):
-            _force_panel(drawn.add_subplot(rows, min(ACROSS, len(panels)), k + 1), panel)
+        drawn.set_size_inches(WIDTH, 1.1 + PANEL * rows_for(len(panels_of), across))
+        for axes, panel in zip(panels(drawn, len(panels_of), across), panels_of):
+            _force_panel(axes, panel)
 
 
 def _force_panel(axes: Axes, panel: ForcePanel) -> None:
@@ -122,24 +122,17 @@ def _force_panel(axes: Axes, panel: ForcePanel) -> None:
             axes.plot(course.time, course.values[FORCE, pair], color=color_of(engine), linewidth=1, alpha=0.9)
     for truth in scenario.forces:
         if truth.quantity == "force" and truth.is_of(pair):
-            axes.plot(
-                [truth.start, truth.end], [truth.value] * 2, color=INK, linewidth=1, linestyle=(0, (4, 3))
-            )
+            axes.hlines(truth.value, truth.start, truth.end, color=INK, linewidth=1, linestyle=(0, (4, 3)))
     axes.set_ylim(bottom=0.0)
-    axes.set_title(f"{scenario.name} {pair}", loc="left", color=INK, fontsize=9.5)
-    axes.set_xlabel("time [s]", color=INK, fontsize=8.5)
-    axes.set_ylabel("[N]", color=INK)
-    _bare(axes)
+    _named(axes, f"{scenario.name} {pair}", "time [s]", "[N]")
 
 
-def _legend(figure: Figure, own: Columns) -> None:
-    handles = [
-        Line2D([], [], color=color_of(e), marker=marker_of(e), markersize=5, label=head(row))
-        for e, row in own.items()
-    ]
-    figure.legend(
-        handles=handles, loc="outside lower left", ncols=len(handles), frameon=False, labelcolor=INK
-    )
+def _named(axes: Axes, title: str, x: str, y: str = "") -> None:
+    """Name a panel and its axes."""
+    axes.set_title(title, loc="left", color=INK, fontsize=9.5)
+    axes.set_xlabel(x, color=INK, fontsize=8.5)
+    axes.set_ylabel(y, color=INK)
+    open_axes(axes)
 
 
 def _over_time(figure: Figure, request: Request, results: Results, section: Section) -> None:
@@ -149,19 +142,19 @@ def _over_time(figure: Figure, request: Request, results: Results, section: Sect
     lines = [line for line in section.lines if line.metric == metric]
     many = len(request.scenarios) > LARGEST_SCENE_COUNT
     gallery = {s.name for s in request.scenarios if "gallery" in s.tags or not many}
-    panels = [line for line in lines if line.scenario in gallery and _courses(line, results)]
-    dots = [line for line in lines if line not in panels]
-    across = max(1, min(ACROSS, len(panels)))
-    rows = ceil(len(panels) / across)
+    shown = [line for line in lines if line.scenario in gallery and _courses(line, results)]
+    dots = [line for line in lines if line not in shown]
+    across = max(1, min(ACROSS, len(shown)))
+    rows = ceil(len(shown) / across)
     heights = [PANEL] * rows + [DOT * (len(dots) + 2)] * bool(dots)
     figure.set_size_inches(WIDTH, 1.1 + sum(heights))
     grid = figure.add_gridspec(len(heights), across, height_ratios=heights)
-    top = max((value for line in panels for value in line.values.values()), default=1.0)
-    for k, line in enumerate(panels):
+    top = max((value for line in shown for value in line.values.values()), default=1.0)
+    for k, line in enumerate(shown):
         _panel(figure.add_subplot(grid[k // across, k % across]), line, results, 2 * top)
     if dots:
         axes = figure.add_subplot(grid[rows, :])
-        floor, scale = dots[0].same * BELOW, _scale(metric)
+        floor, scale = dots[0].same * BELOW, in_tables(metric)[1]
         _dots(axes, dots, lambda row: scale * max(abs(row.value), floor))
         axes.set_xscale("log")
         _decades(axes.xaxis, floor * scale, axes.get_xlim()[1])
@@ -179,7 +172,7 @@ def _courses(line: Line, results: Results) -> dict[str, tuple[Array, Array]]:
 
 def _panel(axes: Axes, line: Line, results: Results, top: float) -> None:
     """Draw one scene over time up to `top` [SI], with its limits as dashes."""
-    floor, scale = line.same * BELOW, _scale(line.metric)
+    floor, scale = line.same * BELOW, in_tables(line.metric)[1]
     courses = _courses(line, results)
     for engine, row in line.rows.items():
         if engine in courses:
@@ -192,10 +185,7 @@ def _panel(axes: Axes, line: Line, results: Results, top: float) -> None:
     axes.set_yscale("log")
     _decades(axes.yaxis, floor * scale, top * scale)
     axes.set_ylim(floor * scale / 2, top * scale)
-    axes.set_title(f"{line.scenario} {line.subject}".strip(), loc="left", color=INK, fontsize=9.5)
-    axes.set_xlabel("time [s]", color=INK, fontsize=8.5)
-    axes.set_ylabel(f"[{unit_of(line.metric)}]", color=INK)
-    _bare(axes)
+    _named(axes, f"{line.scenario} {line.subject}".strip(), "time [s]", f"[{unit_of(line.metric)}]")
 
 
 def _dots(axes: Axes, lines: Sequence[Line], value: Callable[[Row], float]) -> None:
@@ -209,7 +199,7 @@ def _dots(axes: Axes, lines: Sequence[Line], value: Callable[[Row], float]) -> N
             )
     axes.set_yticks(range(len(lines)), [f"{line.scenario} {line.subject}".strip() for line in lines])
     axes.set_ylim(len(lines) - 0.5, -0.5)
-    _bare(axes)
+    open_axes(axes)
 
 
 def _decades(axis: Axis, floor: float, top: float) -> None:
@@ -219,19 +209,6 @@ def _decades(axis: Axis, floor: float, top: float) -> None:
     axis.set_major_locator(FixedLocator([10.0**e for e in range(low, high + 1, step)]))
     axis.set_major_formatter(FuncFormatter(lambda v, _: "0" if v < 1.5 * floor else f"{v:g}"))
     axis.set_minor_locator(NullLocator())
-
-
-def _bare(axes: Axes) -> None:
-    axes.grid(color="#e6e6e6", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=INK, length=0, labelsize=8.5)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-
-
-def _scale(metric: str) -> float:
-    shown = METRICS[metric].shown
-    return shown[1] if shown else 1.0
 
 
 def _friction(figure: Figure, request: Request, results: Results, section: Section) -> None:
@@ -277,7 +254,7 @@ def _timing(figure: Figure, request: Request, results: Results, section: Section
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
     axes.set_xlabel("time [ms]: median, quartiles, 5 to 95 %, longest; red: a frame at 60 Hz", color=INK)
-    _bare(axes)
+    open_axes(axes)
     _ratio_table(table, results, scenes, own)
 
 

@@ -124,21 +124,17 @@ def frame_budget(found: list[Budget], path: Path) -> None:
     with figure(path, 11, 0.6 + 2.6 * lines, 9.5) as drawn:
         heights = {"height_ratios": [3, 1.5] * lines}
         panels = drawn.subplots(2 * lines, COLUMNS, squeeze=False, gridspec_kw=heights)
-        for place in range(lines * COLUMNS):
+        for axes in panels.flat:
+            axes.set_axis_off()
+        for place, budget in enumerate(found):
             line, column = divmod(place, COLUMNS)
-            above, below = panels[2 * line][column], panels[2 * line + 1][column]
-            if place >= len(found):
-                above.set_axis_off()
-                below.set_axis_off()
-                continue
-            _draw_stages(above, found[place])
-            _draw_work(below, found[place])
-            below.set_xlabel("time in the scene [s]" if place + COLUMNS >= len(found) else "")
-        handles, labels = panels[0][0].get_legend_handles_labels()
-        more = panels[1][0].get_legend_handles_labels()
-        drawn.legend(
-            [*handles, *more[0]], [*labels, *more[1]], loc="outside upper center", ncols=6, frameon=False
-        )
+            _draw_stages(panels[2 * line, column], budget)
+            _draw_work(panels[2 * line + 1, column], budget)
+            last = place + COLUMNS >= len(found)
+            panels[2 * line + 1, column].set_xlabel("time in the scene [s]" if last else "")
+        stages, work = (panels[k, 0].get_legend_handles_labels() for k in (0, 1))
+        handles, labels = (one + other for one, other in zip(stages, work))
+        drawn.legend(handles, labels, loc="outside upper center", ncols=6, frameon=False)
 
 
 def _draw_stages(axes: Axes, budget: Budget) -> None:
@@ -162,15 +158,7 @@ def _draw_stages(axes: Axes, budget: Budget) -> None:
     axes.set_ylabel("frame [us]")
     axes.set_title(f"{budget.scene}: median {1e6 * budget.cost:.0f} us", loc="left", color=INK, fontsize=10.5)
     if cut:
-        axes.text(
-            0.995,
-            1.02,
-            f"{cut} frame{'s' if cut > 1 else ''} higher",
-            transform=axes.transAxes,
-            ha="right",
-            va="bottom",
-            color=PALE,
-        )
+        axes.set_title(f"{cut} frame{'s' if cut > 1 else ''} higher", loc="right", color=PALE, fontsize=9.5)
 
 
 def _draw_work(axes: Axes, budget: Budget) -> None:
@@ -184,6 +172,7 @@ def _draw_work(axes: Axes, budget: Budget) -> None:
 
 
 def _plain(axes: Axes, time: Array) -> None:
+    axes.set_axis_on()
     axes.set_xlim(0, float(time[-1]))
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(color=PALE)

@@ -14,7 +14,7 @@ from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.request import MACHINE_PROFILE, REFERENCE
 from touchstone.reports.views.comparison import SAME_SHARE, TOPICS
 from touchstone.reports.views.render import Part
-from touchstone.reports.views.tables import number, unit_of
+from touchstone.reports.views.tables import number, scaled_number, unit_of
 
 OURS = ("balanced", "paper")
 ROUNDING = 1e-9
@@ -138,8 +138,7 @@ def _is_lost(loss: Loss) -> bool:
 def _text(row: Row | None) -> str:
     if row is None or not isfinite(row.value):
         return "-"
-    shown = METRICS[row.metric].shown
-    return number(row.value * (shown[1] if shown else 1.0))
+    return scaled_number(row.metric, row.value)
 
 
 def unmeasured_lines(frame: pd.DataFrame) -> list[str]:

@@ -12,7 +12,7 @@ from math import inf, isfinite, isnan, log
 
 import pandas as pd
 
-from touchstone.reports.metrics import METRICS, label
+from touchstone.reports.metrics import in_tables, label
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row
 from touchstone.reports.runner.request import REFERENCE
 from touchstone.reports.verdict.judge import WORST_LAST, Count, counted
@@ -228,8 +228,7 @@ def figure(row: Row) -> str:
         return row.verdict
     if isnan(row.value):
         return "never" if row.verdict == "fail" else "-"
-    scale = METRICS[row.metric].shown if row.metric in METRICS else None
-    return exact_or_zero(row.value * (scale[1] if scale else 1.0))
+    return exact_or_zero(row.value * in_tables(row.metric)[1])
 
 
 def short(row: Row) -> str:
@@ -259,8 +258,7 @@ def _apart(row: Row, ours: Row | None) -> str:
         return "="
     if row.metric.startswith("time."):
         return f"{number(row.value / ours.value)}×" if ours.value > 0 else "-"  # noqa: RUF001
-    scale = METRICS[row.metric].shown
-    off = (row.value - ours.value) * (scale[1] if scale else 1.0)
+    off = (row.value - ours.value) * in_tables(row.metric)[1]
     return ("+" if off > 0 else "") + exact_or_zero(off)
 
 

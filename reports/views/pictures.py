@@ -86,19 +86,20 @@ def open_axes(axes: Axes, grid: Any = "both", labels: float = 8.5) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def logarithmic(axes: Axes, x: Sequence[float] = (), y: Sequence[float] = ()) -> None:
+def logarithmic(axes: Axes, x: Iterable[float] = (), y: Iterable[float] = ()) -> None:
     """Make both axes logarithmic, with ticks at the given values, or where matplotlib puts them."""
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis, ticks in ((axes.xaxis, x), (axes.yaxis, y)):
-        if len(ticks):
-            axis.set_major_locator(FixedLocator(ticks))
+        if places := list(ticks):
+            axis.set_major_locator(FixedLocator(places))
         axis.set_minor_locator(NullLocator())
 
 
-def headline(found: Figure, text: str) -> None:
-    """Write a title at the left, with a line of space below."""
+def headline(found: Figure, text: str, note: str = "") -> None:
+    """Write a title at the left, and a note in the line of space below."""
     found.suptitle(f"{text}\n", x=0.01, ha="left", color=INK, fontsize=13, fontweight="bold")
+    found.text(0.01, 1 - 0.36 / found.get_figheight(), note, color=PALE, fontsize=9.5, va="top")
 
 
 def strips(axes: Axes, rows: Sequence[str], points: pd.DataFrame, bounds: tuple[float, float]) -> None:
@@ -125,7 +126,8 @@ def strips(axes: Axes, rows: Sequence[str], points: pd.DataFrame, bounds: tuple[
     open_axes(axes, "x")
 
 
-def engines_legend(found: Figure, engines: Iterable[str]) -> None:
-    """Name the markers of engines below a figure."""
-    handles = [Line2D([], [], color=color_of(one), marker=marker_of(one), linestyle="") for one in engines]
-    found.legend(handles, list(engines), loc="outside lower left", ncols=6, frameon=False)
+def engines_legend(found: Figure, engines: Iterable[str], heads: Iterable[str] = ()) -> None:
+    """Name the markers of engines below a figure, by their names or by `heads`."""
+    looks = [{"color": color_of(one), "marker": marker_of(one), "linestyle": ""} for one in engines]
+    handles = [Line2D([], [], label=name, **look) for name, look in zip(list(heads) or engines, looks)]  # type: ignore[arg-type]
+    found.legend(handles=handles, loc="outside lower left", ncols=6, frameon=False)

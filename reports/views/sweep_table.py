@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics import in_tables
 from touchstone.reports.runner.cells import TIMING
 from touchstone.reports.runner.measures import FRAMES
 from touchstone.reports.runner.request import step_text
@@ -35,19 +35,14 @@ def report(frame: pd.DataFrame) -> list[Part]:
 
 
 def _head(metric: str) -> str:
-    return f"{metric} [{_scale(metric)[0]}]"
-
-
-def _scale(metric: str) -> tuple[str, float]:
-    """Unit of the table and how many of it make one of the metric's."""
-    return METRICS[metric].shown or (METRICS[metric].unit, 1.0)
+    return f"{metric} [{in_tables(metric)[0]}]"
 
 
 def _value(part: pd.DataFrame, metric: str) -> str:
     values = part[part.metric == metric].value.dropna()
     if values.empty:
         return "-"
-    return f"{np.median(values) * _scale(metric)[1]:.3g}"
+    return f"{np.median(values) * in_tables(metric)[1]:.3g}"
 
 
 def _frame_time(part: pd.DataFrame) -> str:

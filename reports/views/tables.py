@@ -9,7 +9,7 @@ from math import isnan, nan
 import numpy as np
 import pandas as pd
 
-from touchstone.reports.metrics import METRICS, PARITY
+from touchstone.reports.metrics import METRICS, PARITY, in_tables
 from touchstone.reports.results import CONSTRUCTION, HARNESS, NOT_RUN, UNAUDITED, UNJUDGED, Row, rows_of
 from touchstone.reports.runner.request import step_text
 
@@ -91,12 +91,17 @@ def columns_of(rows: Iterable[Row]) -> dict[Column, str]:
     return steps
 
 
+def first_columns(columns: Iterable[Column]) -> list[Column]:
+    """The first column of each engine: its own profile."""
+    found: dict[str, Column] = {}
+    for column in columns:
+        found.setdefault(column[0], column)
+    return list(found.values())
+
+
 def unit_of(metric: str) -> str:
     """The unit of tables; of what is no metric of one recording, "s" of PARITY and "1" of ratios of times."""
-    if metric not in METRICS:
-        return "s" if metric == PARITY else "1"
-    shown = METRICS[metric].shown
-    return shown[0] if shown else METRICS[metric].unit
+    return "s" if metric == PARITY else in_tables(metric)[0]
 
 
 def _value(row: Row | None) -> float:
@@ -115,17 +120,19 @@ def cell_of(row: Row) -> TableCell:
     """The value of a row in the unit of tables, with its verdict."""
     if isnan(row.value):
         return TableCell("never" if row.verdict == "fail" else "-", row.verdict)
-    shown = METRICS[row.metric].shown if row.metric in METRICS else None
-    return TableCell(number(row.value * (shown[1] if shown else 1.0)), row.verdict, basis=row.basis)
+    return TableCell(scaled_number(row.metric, row.value), row.verdict, basis=row.basis)
 
 
 def quantity(metric: str, value: float, unit: str = "") -> tuple[str, str]:
     """A value and its unit as readers see them: in the metric's shown unit, else in `unit` [SI]."""
-    known = METRICS.get(metric)
-    scale = known.shown if known else None
-    name = scale[0] if scale else known.unit if known else unit
-    text = exact_number(value * (scale[1] if scale else 1.0))
-    return text, {"1": "", "us": "µs"}.get(name, name)
+    name, scale = in_tables(metric)
+    name = name if metric in METRICS else unit
+    return exact_number(value * scale), {"1": "", "us": "µs"}.get(name, name)
+
+
+def scaled_number(metric: str, value: float) -> str:
+    """A value in the metric's unit of tables."""
+    return number(value * in_tables(metric)[1])
 
 
 def number(value: float) -> str:

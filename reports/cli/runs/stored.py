@@ -18,11 +18,8 @@ from touchstone.reports.cli.scenes.chosen import LimitsOption, limits_for, metri
 PLACE = ("scenario", "engine", "profile", "metric", "subject")
 
 
-class Matching(StrEnum):
-    """Columns that are compared."""
-
-    exact = "exact"
-    profile = "profile"
+Matching = StrEnum("Matching", "exact profile")
+"""Columns that are compared."""
 
 
 def compare(
@@ -62,7 +59,6 @@ def compare(
         table_of,
         tolerances,
     )
-    from touchstone.reports.cli.scenes.chosen import metrics_for
     from touchstone.scenarios.files.read import SceneFileError
 
     with options.refusing(RunError, SceneFileError):

@@ -23,28 +23,12 @@ def schema(out: options.PrintedOutOption = None) -> None:
         print(json.dumps(json_schema(), indent=1))
 
 
-class ExportFormat(StrEnum):
-    """Formats of scenes, then of recordings."""
-
-    mjcf = "mjcf"
-    urdf = "urdf"
-    toml = "toml"
-    json = "json"
-    glb = "glb"
-    csv = "csv"
-    parquet = "parquet"
-
-
+ExportFormat = StrEnum("ExportFormat", "mjcf urdf toml json glb csv parquet")
+"""Formats of scenes, then of recordings."""
 OF_RECORDINGS = (ExportFormat.glb, ExportFormat.csv, ExportFormat.parquet)
 RECORDING = ".npz"
-
-
-class ExportTable(StrEnum):
-    """Tables of a recording."""
-
-    bodies = "bodies"
-    joints = "joints"
-    contacts = "contacts"
+ExportTable = StrEnum("ExportTable", "bodies joints contacts")
+"""Tables of a recording."""
 
 
 def export(

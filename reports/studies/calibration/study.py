@@ -427,15 +427,12 @@ def requested_and_achieved(frame: pd.DataFrame, path: Path) -> None:
                 _draw_ranges(axes[1, column], _frictions(part), engine, profile, filled, 1.1)
             axes[0, column].set_title(engine, color=color_of(engine), fontweight="bold", fontsize=12)
         _frame_panels(axes)
-        headline(
-            drawn,
-            "Bodies that land on a floor and slide over it: what engines make of restitution and friction",
-        )
-        text = (
+        title = "Bodies that land on a floor and slide over it: what engines make of restitution and friction"
+        note = (
             "marker: median    bar: range over balls, boxes and hulls, and over speeds from "
             f"{JUDGED_SPEED:g} m/s on (restitution) or the coefficients asked (friction)"
         )
-        drawn.text(0.01, 0.962, text, color=PALE, fontsize=9.5, va="top")
+        headline(drawn, title, note)
 
 
 Ranges = dict[float, list[float]]

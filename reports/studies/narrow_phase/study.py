@@ -10,14 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isnan, log, nan
+from math import isnan, nan
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
@@ -38,6 +36,7 @@ from touchstone.reports.views.pictures import (
     PALE,
     detector_color,
     figure,
+    headline,
     logarithmic,
     open_axes,
 )
@@ -188,8 +187,7 @@ def with_ratio(row: Row, ours: Array, theirs: Array) -> Row:
     if not both.any() or np.median(theirs[both]) <= 0:
         reason = "no query" if not both.any() else "queries cost no more than their crossing"
         return replace(row, verdict="skipped", reason=reason)
-    ratio = time_ratio(ours[both], theirs[both])
-    return with_interval(row, (ratio.value, ratio.low, ratio.high))
+    return with_interval(row, time_ratio(ours[both], theirs[both]))
 
 
 def with_median(row: Row, seconds: Array, reason: str) -> Row:
@@ -205,11 +203,6 @@ SLICE = 5 * len(FAMILIES)
 equally."""
 TURNS, PASSES = 2, 3
 """Turns per slice and timed passes per turn."""
-
-
-def steps(pairs: int) -> int:
-    """Number of progress steps of a run: pairs times detectors."""
-    return pairs * len(DETECTORS)
 
 
 def run(pairs: int, seed: int, out: Path, progress: Progress) -> pd.DataFrame:
@@ -332,24 +325,7 @@ LEVELS = (
     (1.0, "no contact seen"),
 )
 """Errors that get a reference line [1]."""
-LETTER, LINE, GAP = 0.0078, 0.028, 0.011
-"""Width and height of a label's letter and its distance from the marker, over the picture's sides [1]."""
-
-
-Rectangle = tuple[float, float, float, float]
-"""Left, bottom, right, top."""
-
-
-class Point(NamedTuple):
-    """A detector: time [s], and its median, 95th percentile and largest error [1]."""
-
-    name: str
-    time: float
-    median: float
-    p95: float
-    largest: float
-    colour: str
-    marker: str
+ERRORS = tuple(f"depth.error.{kind}" for kind in STATISTICS)
 
 
 def work_precision(frame: pd.DataFrame, path: Path) -> None:
@@ -357,101 +333,36 @@ def work_precision(frame: pd.DataFrame, path: Path) -> None:
 
     A marker is the median, the thick bar reaches to the 95th percentile, the thin one to the largest error.
     """
-    points = _points(frame)
+    whole = frame[(frame.scenario == ALL) & frame.value.notna()]
+    table = (
+        whole.drop_duplicates(["engine", "metric"]).set_index(["engine", "metric"]).value.unstack(sort=False)
+    )
+    table = table.reindex(columns=["time.net", *ERRORS])
+    table = table[table["time.net"] > 0]
+    marks = dict.fromkeys(map(detector_color, table.index), 0)
     with figure(path, 10.5, 6.8, font=10.5, dpi=160) as drawn:
-        axes = drawn.add_subplot()
-        _frame(axes, points)
-        for point in points:
-            _draw(axes, point)
-        _label(axes, points)
-
-
-def _points(frame: pd.DataFrame) -> list[Point]:
-    whole = frame[(frame.scenario == "all") & frame.value.notna()]
-    values = {(row.engine, row.metric): row.value for row in rows_of(whole)}
-    names = [name for name in dict.fromkeys(frame.engine) if (name, "time.net") in values]
-    points: list[Point] = []
-    for name in names:
-        colour = detector_color(name)
-        median, p95, largest = (
-            max(ERROR_FLOOR, values[name, f"depth.error.{k}"]) for k in ("median", "p95", "max")
-        )
-        marker = MARKERS[sum(point.colour == colour for point in points) % len(MARKERS)]
-        points.append(Point(name, values[name, "time.net"], median, p95, largest, colour, marker))
-    return [point for point in points if point.time > 0]
-
-
-def _draw(axes: Axes, point: Point) -> None:
-    x, colour = [point.time, point.time], point.colour
-    axes.plot(x, [point.median, point.p95], color=colour, linewidth=4, alpha=0.4, solid_capstyle="butt")
-    axes.plot(x, [point.median, point.largest], color=colour, linewidth=0.9)
-    axes.plot(point.time, point.largest, "_", color=colour, markersize=8, markeredgewidth=1.3)
-    axes.plot(
-        point.time, point.median, point.marker, color=colour, markersize=9, markeredgecolor="white", zorder=3
-    )
-
-
-def _label(axes: Axes, points: list[Point]) -> None:
-    """Place every name beside its marker, at the one of eight places that covers the least."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-
-    def across(time: float) -> float:
-        return log(time / left) / log(right / left)
-
-    def up(error: float) -> float:
-        return log(error / low) / log(high / low)
-
-    bars = [(across(p.time), up(p.median), across(p.time), up(p.largest)) for p in points]
-    taken: list[Rectangle] = []
-    for point in points:
-        x, y, width = across(point.time), up(point.median), LETTER * len(point.name)
-        sides = [(x + GAP, "left"), (x - GAP - width, "right")]
-        places = [(start, y + k * LINE, align) for k in (0, -0.6, -1, 1) for start, align in sides]
-        boxes = [(start, v - LINE / 2, start + width, v + LINE / 2) for start, v, _ in places]
-        best = min(range(len(boxes)), key=lambda k: sum(_meet(boxes[k], one) for one in bars + taken))
-        start, v, align = places[best]
-        taken.append(boxes[best])
-        axes.text(
-            start if align == "left" else start + width,
-            v,
-            point.name,
-            transform=axes.transAxes,
-            ha=align,
-            va="center_baseline",
-            color=point.colour,
-            fontweight="bold" if point.name.startswith("reference") else "normal",
-            path_effects=[withStroke(linewidth=3, foreground="white")],
-            zorder=4,
-        )
-
-
-def _meet(one: Rectangle, two: Rectangle) -> bool:
-    return one[0] <= two[2] and two[0] <= one[2] and one[1] <= two[3] and two[1] <= one[3]
-
-
-def _frame(axes: Axes, points: list[Point]) -> None:
-    times = [point.time for point in points]
-    logarithmic(
-        axes, [m * 10.0**e for e in range(-9, 0) for m in (1, 2, 5)], [10.0**e for e in range(-16, 5, 2)]
-    )
-    axes.set_xlim(min(times) / 2.2, max(times) * 1.5)
-    axes.set_ylim(ERROR_FLOOR / 3, 3 * max(1.0, *(point.largest for point in points)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{seconds * 1e6:g}"))
-    for level, name in LEVELS:
-        axes.axhline(level, color=PALE, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
-        place: dict[str, Any] = {
-            "xycoords": ("axes fraction", "data"),
-            "xytext": (4, 3),
-            "textcoords": "offset points",
-        }
-        axes.annotate(name, (0, level), **place, fontsize=8.5, color=PALE)
-    open_axes(axes, "y", 10.5)
-    axes.set_xlabel("median time per query [µs], one thread, crossing from Python taken off", color=INK)
-    axes.set_ylabel("depth error over max(depth, size / 1000)", color=INK)
-    title = "Narrow phase: random and adversarial pairs of convex pieces\n"
-    axes.set_title(title, loc="left", color=INK, fontsize=13, fontweight="bold")
-    text = "marker: median    thick bar: to the 95th percentile    thin bar: to the largest"
-    axes.text(0, 1.015, text, transform=axes.transAxes, color=PALE, fontsize=9.5)
+        axes = drawn.subplots()
+        times = np.outer(10.0 ** np.arange(-9, 0), (1, 2, 5)).ravel()
+        logarithmic(axes, times, 10.0 ** np.arange(-16, 5, 2))
+        for name, (time, median, p95, largest) in zip(table.index, table.clip(lower=ERROR_FLOOR).to_numpy()):
+            colour = detector_color(name)
+            axes.vlines(time, median, p95, color=colour, linewidth=4, alpha=0.4)
+            axes.vlines(time, median, largest, color=colour, linewidth=0.9)
+            marker = MARKERS[marks[colour] % len(MARKERS)]
+            marks[colour] += 1
+            axes.plot(time, median, marker, color=colour, markersize=9, markeredgecolor="white", label=name)
+        for level, name in LEVELS:
+            axes.axhline(level, color=PALE, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
+            where = axes.get_yaxis_transform()
+            axes.text(1, level, name, color=PALE, ha="right", va="bottom", transform=where)
+        axes.set_ylim(ERROR_FLOOR / 3, None)
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{seconds * 1e6:g}"))
+        axes.set_xlabel("median time per query [µs], one thread, crossing from Python taken off", color=INK)
+        axes.set_ylabel("depth error over max(depth, size / 1000)", color=INK)
+        open_axes(axes, "y", 10.5)
+        drawn.legend(loc="outside lower left", ncols=4, frameon=False)
+        note = "marker: median    thick bar: to the 95th percentile    thin bar: to the largest"
+        headline(drawn, "Narrow phase: random and adversarial pairs of convex pieces", note)
 
 
 TRUTH = "minkowski"

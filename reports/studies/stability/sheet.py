@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording, load
 from touchstone.adapters.workers.scratch import scratch_folder
+from touchstone.reports.exports import piece_mesh
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import write_beside
@@ -27,18 +28,7 @@ from touchstone.reports.studies.stability.play import KEPT, Played, file_of, pla
 from touchstone.reports.verdict.figures import rotations
 from touchstone.reports.views.pictures import INK, figure
 from touchstone.scenarios.difficulty.family import hard_scene
-from touchstone.scenarios.scenario import (
-    Box,
-    Capsule,
-    Cone,
-    Cylinder,
-    Ellipsoid,
-    Hull,
-    Scenario,
-    Shape,
-    Sphere,
-)
-from touchstone.scenarios.solids import shown_piece
+from touchstone.scenarios.scenario import Scenario
 
 PER_SHEET = 20
 """Cells of one picture."""
@@ -94,10 +84,6 @@ MOST_WINDOW = 12.0
 """Width of a window that holds all of the motion, over that of the bodies at the start, at most [1]."""
 TINY = 1e-12
 """Least size of what is drawn [m]."""
-_TURNS = np.linspace(0, 2 * np.pi, 13)[:-1]
-_RISE = np.linspace(-np.pi / 2, np.pi / 2, 9)
-BALL = np.array([(np.cos(t) * np.cos(r), np.sin(t) * np.cos(r), np.sin(r)) for t in _TURNS for r in _RISE])
-"""Points of the unit sphere."""
 
 
 def sheet_picture(shown: Sequence[tuple[str, Scenario, Recording | None]], path: Path) -> None:
@@ -183,33 +169,8 @@ def _pieces(scenario: Scenario, run: Recording, body: int, frame: int) -> list[A
     turn = run.orientation[frame, body]
     usable = np.isfinite(turn).all() and np.linalg.norm(turn) > 0
     turned = Rotation.from_quat(turn, scalar_first=True) if usable else Rotation.identity()
-    found = []
-    for piece in map(shown_piece, scenario.bodies[body].pieces):
-        own = Rotation.from_quat(piece.orientation, scalar_first=True).apply(_points(piece.shape))
-        found.append(turned.apply(own + np.array(piece.position)) + run.position[frame, body])
-    return found
-
-
-def _points(shape: Shape) -> Array:
-    """Points on a shape's surface (n, 3) [m]: corners, or enough of a curved one."""
-    match shape:
-        case Sphere(radius):
-            return radius * BALL
-        case Box(half):
-            return np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * np.array(half)
-        case Capsule(radius, half_length):
-            return radius * BALL + np.outer(np.sign(BALL[:, 2]), (0.0, 0.0, half_length))
-        case Cylinder(radius, half_length):
-            rim = BALL[:, :2] / np.maximum(np.hypot(BALL[:, 0], BALL[:, 1]), 1e-12)[:, None]
-            return np.column_stack((radius * rim, half_length * np.sign(BALL[:, 2])))
-        case Cone(radius, half_length):
-            base = np.column_stack((radius * BALL[:, :2], np.full(len(BALL), -half_length)))
-            return np.vstack((base, (0.0, 0.0, half_length)))
-        case Ellipsoid(half):
-            return BALL * np.array(half)
-        case Hull(vertices):
-            return np.array(vertices)
-    raise TypeError(f"no outline of {type(shape).__name__}")
+    corners = (piece_mesh(piece)[0] for piece in scenario.bodies[body].pieces)
+    return [turned.apply(own) + run.position[frame, body] for own in corners]
 
 
 def _series(axes: Axes, context: Context) -> None:
@@ -232,5 +193,4 @@ def _series(axes: Axes, context: Context) -> None:
     axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 0.92), fontsize=5, frameon=False, ncols=3, borderpad=0.1
     )
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import accumulate
 from math import ceil, nan
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
@@ -63,8 +62,8 @@ PANELS = (
 BAND = "#d9e6f2"
 OWN = ", start within its error"
 """Ending of the profile under which an engine is compared with itself from another start."""
-APART, BARS = 0.055, 0.015
-"""Smallest distance of two names, and distance of the bars of quartiles, over the size of a panel [1]."""
+BARS = 0.015
+"""Distance of the bars of quartiles, over the width of a panel [1]."""
 
 
 def errors_picture(frame: pd.DataFrame, path: Path) -> None:
@@ -75,31 +74,31 @@ def errors_picture(frame: pd.DataFrame, path: Path) -> None:
             _panel(axes, frame[frame.metric == metric], factor)
             axes.set_ylabel(label, color=INK)
             axes.set_xlabel("time after the first impact [s]", color=INK)
-        headline(drawn, "Measured tosses: how far each engine is from what happened")
         note = "median over tosses that identified neither e nor mu; bars: quartiles at rest"
-        drawn.text(0.01, 1 - 0.36 / drawn.get_figheight(), note, color=PALE, fontsize=10, va="top")
+        headline(drawn, "Measured tosses: how far each engine is from what happened", note)
+        drawn.legend(
+            *drawn.axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=6, frameon=False
+        )
 
 
 def _panel(axes: Axes, rows: pd.DataFrame, factor: float) -> None:
     noise = factor * float(rows[rows.engine == "tracking"].value.iloc[0])
-    axes.axhspan(noise / 3, noise, color=BAND, zorder=0)
-    said = [("noise of tracking", noise, PALE, -14)]
-    ends: dict[str, float] = {}
+    axes.axhspan(noise / 3, noise, color=BAND, zorder=0, label="noise of tracking")
+    drawn = 0
     for names, part in rows[rows.subject != ""].groupby(["engine", "profile"], sort=False):
         engine, profile = map(str, names)
         time = part.subject.str.removesuffix(" s").astype(float).to_numpy()
         low, value, high = (factor * part[name].to_numpy(dtype=float) for name in ("low", "value", "high"))
         if engine == "floor":
-            axes.plot(time, value, "--", color=INK, linewidth=2)
-            said.append(("best e and mu of each toss", value[len(value) // 2 :].min(), INK, -18))
+            axes.plot(time, value, "--", color=INK, linewidth=2, label="best e and mu of each toss")
         elif profile.endswith(OWN):
             if engine == "reference":
-                axes.plot(time, value, ":", color=PALE, linewidth=2)
-                said.append(("reference, start off by its error", value[-1], PALE, 6))
+                label = "reference, start off by its error"
+                axes.plot(time, value, ":", color=PALE, linewidth=2, label=label)
         else:
-            axes.plot(time, value, color=color_of(engine), linewidth=2.4, zorder=3)
-            ends[engine] = value[-1]
-            x = 1 + BARS * len(ends)
+            axes.plot(time, value, color=color_of(engine), linewidth=2.4, zorder=3, label=engine)
+            drawn += 1
+            x = 1 + BARS * drawn
             axes.plot(
                 (x, x), (low[-1], high[-1]), color=color_of(engine), transform=axes.get_yaxis_transform(),
                 linewidth=4, alpha=0.4, solid_capstyle="butt", clip_on=False,
@@ -110,20 +109,6 @@ def _panel(axes: Axes, rows: pd.DataFrame, factor: float) -> None:
     axes.set_ylim(noise / 3, None)
     axes.axvline(0, color=PALE, linewidth=0.8)
     open_axes(axes, "y", 10)
-    for name, height, color, points in said:
-        axes.annotate(
-            name, (time[-1], height), (-4, points), textcoords="offset points", ha="right", color=color
-        )  # fmt: skip
-    # names beside the ends of their lines, apart from one another
-    heights = [
-        float((axes.transScale + axes.transLimits).transform((0.0, end))[1]) for end in sorted(ends.values())
-    ]
-    placed = list(accumulate(heights, lambda last, height: max(height, last + APART)))
-    for engine, height in zip(sorted(ends, key=ends.__getitem__), placed):
-        axes.text(
-            1 + BARS * (1.5 + len(ends)), height - np.mean(placed) + np.mean(heights), engine,
-            color=color_of(engine), transform=axes.transAxes, va="center",
-        )  # fmt: skip
 
 
 STUDY, TOSSES, PICTURE = "reality tosses", "tosses", "tosses.png"

@@ -11,7 +11,14 @@ import numpy as np
 import pandas as pd
 
 from touchstone.adapters.contract import Array
-from touchstone.reports.runner.measures import FRAMES, HORIZON_DISTANCE, PATH, closed_path, moving
+from touchstone.reports.runner.measures import (
+    FRAMES,
+    HORIZON_DISTANCE,
+    PATH,
+    closed_path,
+    last_within,
+    moving,
+)
 from touchstone.reports.studies.work_precision.definitions import QUANTITIES
 from touchstone.scenarios.scenario import Scenario
 
@@ -232,8 +239,7 @@ def _horizon(plain: CellRun | None, perturbed: Iterable[CellRun], last: int) -> 
         if plain is None:
             break
         apart = np.linalg.norm(plain.path - other.path, axis=-1).max(axis=1)
-        beyond = np.flatnonzero(apart > HORIZON_DISTANCE)
-        found = min(found, int(beyond[0]) - 1 if len(beyond) else last)
+        found = min(found, last_within(apart, HORIZON_DISTANCE))
     return max(found, 1)
 
 

@@ -41,6 +41,7 @@ from touchstone.reports.views.pictures import (
     INK,
     PALE,
     color_of,
+    engines_legend,
     figure,
     logarithmic,
     marker_of,
@@ -258,8 +259,8 @@ def _log(ratio: float) -> float:
     return log(ratio) if 0 < ratio < inf else inf
 
 
-ACROSS, NAME_HEIGHT = 3, 0.09
-"""Panels side by side, and height of a name beside a panel, of the panel's [1]."""
+ACROSS = 3
+"""Panels side by side."""
 APART = "truth not converged"
 POINT: dict[str, Any] = {"linestyle": "none", "markersize": 3.0, "markeredgewidth": 0, "alpha": 0.35}
 LEGEND = "line: front over an engine's settings; faint: the others; bar: rounds of timing; dotted: tolerance"
@@ -278,7 +279,7 @@ def draw(table: pd.DataFrame, folder: Path) -> list[Path]:
 
 
 def picture_of(table: pd.DataFrame, quantity: str, kind: str, path: Path) -> None:
-    """Draw one quantity, a panel per scene, with the names of the engines at the ends of their fronts."""
+    """Draw one quantity, a panel per scene."""
     mine = table[table.quantity == quantity]
     known = set(mine.scenario)
     scenes = [one for one in dict.fromkeys(table.scenario) if one in known or _apart(table, one, quantity)]
@@ -286,34 +287,18 @@ def picture_of(table: pd.DataFrame, quantity: str, kind: str, path: Path) -> Non
     size = (0.4 + 3.4 * min(len(scenes), ACROSS), 0.8 + 2.6 * rows_for(len(scenes), ACROSS))
     with figure(path, *size, font=10, kind=kind, style={"svg.fonttype": "none"}) as drawn:
         for axes, scene in zip(panels(drawn, len(scenes), min(len(scenes), ACROSS)), scenes):
-            part = mine[mine.scenario == scene]
-            _panel(axes, part, quantity)
-            if scene in known:
-                _name_fronts(axes, part, QUANTITIES[quantity].floor)
+            _panel(axes, mine[mine.scenario == scene], quantity)
             axes.set_title(scene, fontsize=11, color=INK, fontweight="bold", loc="left")
         drawn.supxlabel("wall time per simulated second [s]", color=INK, fontsize=10)
         drawn.supylabel(f"error: {quantity}{'' if unit == '1' else f' [{unit}]'}", color=INK, fontsize=10)
         drawn.suptitle(LEGEND, color=PALE, fontsize=9, x=0.99, ha="right")
+        engines_legend(drawn, dict.fromkeys(mine.engine))
 
 
 def _apart(table: pd.DataFrame, scene: str, quantity: str) -> bool:
     """Whether a quantity of a scene has no truth because the codes converge to different motions."""
     mine = table[(table.scenario == scene) & (table.quantity == quantity)]
     return mine.empty and quantity in ("position", "events") and scene in table.attrs.get("bands", {})
-
-
-def _name_fronts(axes: Axes, part: pd.DataFrame, floor: float) -> None:
-    """Write the names of engines beside a panel, each as high as the end of its front, above the next."""
-    ends = part[part.own_front].sort_values("time").groupby("engine", sort=False).last()
-    low, high = (log(limit) for limit in axes.get_ylim())
-    heights = ((log(max(row.error, floor)) - low) / (high - low) for row in _rows(ends))
-    least = 0.0
-    for height, engine in sorted(zip(heights, map(str, ends.index))):
-        least = max(height, least)
-        axes.text(
-            1.02, least, engine, transform=axes.transAxes, color=color_of(engine), fontsize=9, va="center"
-        )
-        least += NAME_HEIGHT
 
 
 def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:

@@ -96,8 +96,8 @@ def test_versions_count(monkeypatch, package):
     """Another version of the engine, of numpy or of a judge is another result."""
     before = hash_of(CELL)
     _fresh_caches()
-    reported = content_hash.version
-    monkeypatch.setattr(content_hash, "version", lambda name: reported(name) + "+1" * (name == package))
+    reported = content_hash._version
+    monkeypatch.setattr(content_hash, "_version", lambda name: reported(name) + "+1" * (name == package))
     assert hash_of(CELL) != before
 
 
