@@ -43,7 +43,7 @@ PROFILES = {
 COMPILED = ("newton", "mujoco_warp")
 """Engines that compile their kernels."""
 FINDINGS = Path(__file__).parents[2] / "docs" / "findings"
-PROGRAMS = {"rapier": 3, "physx": 3, "newton": 5, "mujoco_warp": 2}
+PROGRAMS = {"rapier": 3, "physx": 3, "newton": 5, "mujoco_warp": 3, "drake": 3}
 """Programs in the findings of each engine, at least."""
 COST = 1.1
 """Largest time of an adapter's step over that of a plain one [1]."""
@@ -355,7 +355,7 @@ def test_programs_of_findings_run(name, least):
     programs = re.findall(r"```python\n(.*?)```", (FINDINGS / f"{name}.md").read_text("utf-8"), re.DOTALL)
     assert len(programs) >= least
     for program in programs:
-        place = {**os.environ, "PYTHONPATH": str(packages_of(name))}
+        place = {**os.environ, "PYTHONPATH": str(packages_of(name) or "")}
         done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=place)
         assert done.returncode == 0, done.stderr
         assert re.search(r"\d\.\d", done.stdout)
