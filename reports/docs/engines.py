@@ -18,7 +18,7 @@ MOST, FEWEST = 3, 3
 """Number of causes of failings that are shown, and of probes of a tag that is."""
 DAY = "2026-11-28"
 """Day of the versions, and of the known failings of engines in environments of their own."""
-PROBED = (*DEFAULT_ENGINES, "newton", "physx", "rapier")
+PROBED = (*DEFAULT_ENGINES, "drake", "newton", "physx", "rapier")
 """Engines whose known failings are those of all probes."""
 CONSTRAINTS = Path("constraints.txt")
 """Versions that `make` installs, in a checkout."""
