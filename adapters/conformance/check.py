@@ -13,12 +13,12 @@ from touchstone.adapters.conformance import contacts, facts, motion
 from touchstone.adapters.conformance.bench import Bench, ContractError
 from touchstone.adapters.contract import Engine, Settings, Unsupported
 from touchstone.adapters.registry import load, packages_of, profiles_of, registered
-from touchstone.adapters.workers.process import ChildProcess
+from touchstone.adapters.workers.process import ChildProcess, patience_of
 
 PATIENCE = 60.0
-"""Time for one check after which an engine counts as hung [s]."""
+"""Time for one check after which an engine that compiles nothing counts as hung [s]."""
 LOAD_PATIENCE = 300.0
-"""The same for the first check, which loads the engine; a cold compilation takes 40 to 60."""
+"""The same for the first check, which loads the engine."""
 Check = Callable[[Bench], Iterator[str]]
 CHECKS: dict[str, Check] = {
     "manifest": facts.manifest,
@@ -68,7 +68,7 @@ def check(
                 arguments = name, loader, settings
                 child = ChildProcess(_Checker, arguments, output, patience, packages_of(name))
             child.send("check", one)
-            answer = child.receive(0.0 if number else LOAD_PATIENCE)
+            answer = child.receive(max(patience_of(name), 0.0 if number else LOAD_PATIENCE))
             place = f"in the check {one!r}"
             if child.failure is not None:
                 reason = child.failure[1].replace("during 'check'", place).replace("to 'check'", place)

@@ -17,7 +17,14 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from touchstone.adapters.contract import UNIMPORTABLE, AdapterError, Engine, Settings
 from touchstone.adapters.registry import load, packages_of
-from touchstone.adapters.workers.process import PATIENCE, STARTING, ChildProcess, failure_of, pin
+from touchstone.adapters.workers.process import (
+    PATIENCE,
+    STARTING,
+    ChildProcess,
+    failure_of,
+    patience_of,
+    pin,
+)
 
 Child = TypeVar("Child", bound=ChildProcess)
 Task = TypeVar("Task")
@@ -152,15 +159,20 @@ class EngineProcess(ChildProcess):
         core: int | None = None,
     ) -> None:
         super().__init__(EngineServer, (play, loader, core), output, patience)
+        self._at_least = 0.0
+        self._played: set[str] = set()
 
     def send(self, command: str, argument: Any = None) -> None:
-        """Send a task to a process that finds its engine."""
+        """Send a task to a process that finds its engine; the first that it plays may compile."""
         self.turn_to(packages_of(argument.engine))
+        self._at_least = 0.0 if argument.engine in self._played else patience_of(argument.engine)
+        if command == "play":
+            self._played.add(argument.engine)
         super().send(command, argument)
 
     def receive(self, at_least: float = 0.0, waiting: Callable[[], None] | None = None) -> Any:
         """Result of the last task, or Ended."""
-        found = super().receive(at_least, waiting)
+        found = super().receive(max(at_least, self._at_least), waiting)
         return found if self.failure is None else Ended(*self.failure, HANG if self.hung else CRASH)
 
 

@@ -30,6 +30,12 @@ PATIENCE = 120.0
 COMPILE_PATIENCE = 900.0
 """The same for commands that may compile the reference [s]: 54 s on the machine of the measurements."""
 
+
+def patience_of(engine: str) -> float:
+    """Least time for which an answer is waited for where the engine may compile [s]; 0 if it does not."""
+    return COMPILE_PATIENCE if engine in ENGINES and ENGINES[engine].compiles else 0.0
+
+
 STARTED = "started"
 """First message of a child: its interpreter and the modules of its server are there."""
 

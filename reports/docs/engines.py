@@ -18,7 +18,7 @@ MOST, FEWEST = 3, 3
 """Number of causes of failings that are shown, and of probes of a tag that is."""
 DAY = "2026-11-28"
 """Day of the versions, and of the known failings of engines in environments of their own."""
-PROBED = (*DEFAULT_ENGINES, "newton", "physx", "rapier")
+PROBED = (*DEFAULT_ENGINES, "drake", "newton", "physx", "rapier")
 """Engines whose known failings are those of all probes."""
 CONSTRAINTS = Path("constraints.txt")
 """Versions that `make` installs, in a checkout."""
@@ -62,6 +62,8 @@ def engines_page(checkout: Path) -> str:
         "## Profiles",
         f"Versions are those that `make` installs, or that an engine's own environment pins, on {DAY}.",
         table_text(profiles),
+        "Newton's Featherstone and semi-implicit solvers have no profile: neither has the observable "
+        "`CONTACT_F`, the force of each contact, and the kernel that evaluates it adds up forces per body.",
         "## Where each fails",
         "Known failings of the first profile in the probes, the tags of scenes (CONTRIBUTING.md) in which it "
         f"does best and worst, and the {MOST} causes that show in the most probes; "

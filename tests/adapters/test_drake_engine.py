@@ -38,7 +38,7 @@ READ_BACK = {
     ("cenic", "accuracy=1e-5", "accuracy", 1e-5),
     ("tamsi", "hunt_crossley_dissipation=3", "hunt_crossley_dissipation", 3.0),
     ("sap", "relaxation_time=0.01", "relaxation_time", 0.01),
-    ("default", "stiction_tolerance=1e-4", "stiction_tolerance (as set)", 1e-4),
+    ("default", "stiction_tolerance=1e-3", "stiction_tolerance (as set)", 1e-3),
     ("sap", "sap_near_rigid_threshold=0", "sap_near_rigid_threshold", 0.0),
 }
 
@@ -73,6 +73,16 @@ def test_every_setting_of_drake_is_read_back_here():
     assert {text.partition("=")[0] for _, text, *_ in READ_BACK} == set(settings_of("drake"))
     with pytest.raises(SettingError, match="relaxation_time: does nothing with approximation=lagged"):
         changes_of("drake", "default", ("relaxation_time=0.01",))
+
+
+def test_the_stiction_tolerance_is_that_of_a_plant():
+    """Drake has no getter of it: the table states the default of a plant's configuration."""
+    from pydrake.multibody.plant import MultibodyPlantConfig
+
+    table = settings_of("drake")
+    assert {float(one) for one in table["stiction_tolerance"].profiles} == {
+        MultibodyPlantConfig().stiction_tolerance
+    }
 
 
 def test_a_contact_is_as_stiff_as_its_geometries():

@@ -8,11 +8,13 @@ import threading
 import time
 from pathlib import Path
 from time import sleep
+from types import SimpleNamespace
 
 import pytest
-from fake_server import DEADLY, EXIT_CODE, Squares
+from fake_server import DEADLY, EXIT_CODE, Squares, naps, nothing
 
-from touchstone.adapters.workers.pool import Pool, Slot, Stopped
+from touchstone.adapters.engines.entry import ENGINES, Entry
+from touchstone.adapters.workers.pool import HANG, EngineProcess, Pool, Slot, Stopped
 from touchstone.adapters.workers.process import THREADS, ChildProcess, interrupt_held, one_thread
 from touchstone.adapters.workers.scratch import Claimed, claimed_folder, locked, scratch_folder, sweep
 
@@ -62,6 +64,18 @@ def test_patience_counts_from_the_start_of_the_child(tmp_path, monkeypatch) -> N
     child = ChildProcess(Server, (), tmp_path / "output.txt", patience=0.5)
     assert (child.ask("hello"), child.failure) == ("hello", None)
     child.stop()
+
+
+def test_only_the_first_task_of_an_engine_that_compiles_may_take_longer(tmp_path, monkeypatch) -> None:
+    """Where its kernels are not compiled yet it answers after its patience; what follows hangs by then."""
+    task = SimpleNamespace(engine="naps")
+    monkeypatch.setitem(ENGINES, "naps", Entry("", "", {}, compiles="builtins:str"))
+    child = EngineProcess(naps, tmp_path / "output.txt", nothing, patience=0.5)
+    assert child.ask("play", task) == "answer"
+    assert child.ask("play", task).process == HANG
+    monkeypatch.setitem(ENGINES, "naps", Entry("", "", {}))
+    child = EngineProcess(naps, tmp_path / "output.txt", nothing, patience=0.5)
+    assert child.ask("play", task).process == HANG
 
 
 def start(output: Path) -> ChildProcess:

@@ -1,6 +1,7 @@
 """Server of a child process for tests of pools: squares of numbers."""
 
 import os
+import time
 from importlib.metadata import version
 
 DEADLY = 3
@@ -21,3 +22,13 @@ class Squares:
 def library_version(engine, task) -> str:
     """Version of a library in the process that plays a task."""
     return version(task.library)
+
+
+def naps(engine: None, task: object) -> str:
+    """An answer that takes a second."""
+    time.sleep(1.0)
+    return "answer"
+
+
+def nothing(name: str) -> None:
+    """No engine."""

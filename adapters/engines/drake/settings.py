@@ -90,7 +90,7 @@ SETTINGS = Table(
             1e-12,
             10.0,
             "m/s",
-            _everywhere("0.001"),
+            _everywhere("0.0001"),
             "slip at the edge of the friction cone",
             whole=False,
         ),
