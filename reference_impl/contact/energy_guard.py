@@ -50,11 +50,10 @@ UNPAID_ROUNDING = 1e-12
 
 @inlined_kernel
 def note_energy(bodies, joints, drivers, state):
-    """Store the energy of each simulated body before a substep, and mark the body as in no island. The
-    springs of a mechanism belong to its first body."""
+    """Store the energy of each simulated body before a substep. The springs of a mechanism belong to its
+    first body."""
     for b in range(len(bodies)):
         if bodies[b]["kind"] == SIMULATED:
-            bodies[b]["guard"]["state"] = GUARD_UNVISITED
             bodies[b]["guard"]["before"] = kinetic_energy(bodies[b]) + _height_energy(bodies[b], state)
     for d in range(state["driven_count"], len(drivers)):
         bodies[drivers[d]["root"]]["guard"]["before"] += spring_energy(joints, drivers[d])
@@ -83,12 +82,11 @@ def guard_energy(world, count, parted, first, whole, h):
     if parted:
         join_islands(bodies, drivers, pairs, count, True)
     free = False
-    for d in range(state["driven_count"], len(drivers)):
-        # no row resets a mechanism that limits alone stop
-        for k in range(drivers[d]["joint_count"]):
-            bodies[joints[drivers[d]["first_joint"] + k]["child"]]["guard"]["state"] = GUARD_UNVISITED
+    # all bodies: of an attempt before this one, separation may have joined others
+    for b in range(len(bodies)):
+        bodies[b]["guard"]["state"] = GUARD_UNVISITED
     for k in range(count):
-        _reset(bodies, joints, drivers, pairs[k])
+        _reset(bodies, drivers, pairs[k])
     for k in range(count):
         if pairs[k]["island"] >= 0:
             _sum_up(bodies, joints, drivers, pairs[k], state)
@@ -157,15 +155,11 @@ def _excess(island):
 
 
 @kernel
-def _reset(bodies, joints, drivers, pair):
+def _reset(bodies, drivers, pair):
     """Reset the sums of a row's movers."""
     for side in range(2):
-        b = pair["body_a"] if side == 0 else pair["body_b"]
-        m = mover_of(bodies, drivers, b)
-        for k in range(body_count(bodies, drivers, b)):
-            bodies[body_beside(bodies, joints, drivers, b, k)]["guard"]["state"] = GUARD_UNVISITED
+        m = mover_of(bodies, drivers, pair["body_a"] if side == 0 else pair["body_b"])
         if m >= 0:
-            bodies[m]["guard"]["state"] = GUARD_UNVISITED
             _reset_sums(bodies[m]["guard"])
 
 

@@ -546,8 +546,8 @@ def _solve_positions(world, count, h, again):
     the end of the substep, and closes its gap to GAP_LEFT, and hinges end within their limits. The result
     sets the paths of their bodies, not their velocities.
 
-    In a dense substep it sets the velocities of islands with drivers too: where a contact opens and closes,
-    only the force that closes the gap does no work along the ways of both bodies.
+    In a dense substep it sets velocities too if a driver on its coupling is in the loop: where a contact
+    opens and closes, only the force that closes the gap does no work along the ways of both bodies.
 
     It starts from the impulses of the law of velocities or, if `again`, from those that it found before.
     """
@@ -576,7 +576,7 @@ def _solve_positions(world, count, h, again):
         state["lead"] = 1.0
         solve_contacts(bodies, joints, drivers, pairs, count, True, state)
         state["lead"] = 0.0
-        if state["led_loop"] == 1 and state["dense_substep"] == 1:
+        if state["dense_substep"] == 1 and _is_coupled(drivers):
             _move_by_positions(world, count)
         for k in range(count):
             _exchange_impulses(pairs[k])
@@ -592,6 +592,15 @@ def _solve_positions(world, count, h, again):
         if drivers[d]["loops"] == 1:
             weigh_for_impacts(drivers[d])
     _accept_pushes(world, h)
+
+
+@kernel
+def _is_coupled(drivers):
+    """Whether a driver on its coupling is in the loop."""
+    for d in range(len(drivers)):
+        if drivers[d]["loops"] == 1 and drivers[d]["prescribed"] + drivers[d]["mechanism"] == 0:
+            return True
+    return False
 
 
 @kernel
