@@ -341,7 +341,7 @@ def _beyond(engine: str, decision: Decision) -> str:
     if decision.effect == "rotation" and decision.state == "not needed":
         return f"; {engine} integrates it all the same"
     keeps = _keeps_pieces(engine)
-    if decision.effect == "contact" and (decision.on if keeps == "fixed" else keeps):
+    if decision.effect == "contact" and decision.on and keeps:
         which = "the fixed pieces" if keeps == "fixed" else "pieces"
         return f"; {engine} keeps {which} that meet nothing, without which its steps take no less time"
     return ""

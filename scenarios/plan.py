@@ -118,7 +118,7 @@ class Plan:
             if len(kept) == len(body.pieces)
             or groups[k] in followed
             or (keeps == "fixed" and contact and body.kind == "fixed")
-            or (keeps == "met" and (kept or not (contact or self.removed)))
+            or (keeps == "met" and kept)
             else replace(body, pieces=tuple(body.pieces[i] for i in kept))
             for k, (body, kept) in enumerate(zip(scenario.bodies, self.pieces))
         )

@@ -40,7 +40,7 @@ class Entry:
         lacks: abilities of `conformance/abilities.py` that its first profile has not.
         keeps_pieces: pieces that plans leave it although nothing can meet them, because its steps take no
             less time without them (`touchstone study effects`): `fixed` those of fixed bodies, where there is
-            contact; `met` those of bodies of which something can meet a piece, and all where nothing meets.
+            contact; `met` those of bodies of which something can meet a piece.
         backend_of: engine of which this is another implementation, with its profiles; "" if of none.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
