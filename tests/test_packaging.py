@@ -45,6 +45,7 @@ def test_no_link_is_tracked():
 
 
 def test_every_package_is_found_in_this_checkout():
+    """Every folder with modules is a package, and imports find it where its sources are."""
     folders = {path.parent for layer in FOLDERS.values() for path in (ROOT / layer).rglob("*.py")}
     assert len(folders) > 50
     for folder in folders:
@@ -54,6 +55,7 @@ def test_every_package_is_found_in_this_checkout():
 
 
 def test_packages_and_their_data_are_listed(monkeypatch):
+    """`setup.py` names every package of the sources, and package-data every other file."""
     setuptools = pytest.importorskip("setuptools")
     given: dict[str, list[str]] = {}
     monkeypatch.setattr(setuptools, "setup", lambda **settings: given.update(settings))

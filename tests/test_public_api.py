@@ -20,6 +20,7 @@ print(results.recordings["fall", "reference", "balanced"].position.shape[1:], le
 
 
 def test_every_public_name_exists():
+    """Each name of `__all__` can be used, and no other is offered."""
     for name in touchstone.__all__:
         assert getattr(touchstone, name) is not None
     assert dir(touchstone) == sorted(touchstone.__all__)
@@ -28,6 +29,7 @@ def test_every_public_name_exists():
 
 
 def test_scenarios_are_listed_by_name_and_tag():
+    """`touchstone.scenarios()` is the catalogue, a dict of scenarios."""
     found = touchstone.scenarios()
     assert isinstance(found["ball_snip"], touchstone.Scenario)
     gallery = touchstone.scenarios("gallery")
@@ -36,6 +38,7 @@ def test_scenarios_are_listed_by_name_and_tag():
 
 
 def test_what_a_script_prints_is_short(registry):
+    """Scenarios and all their parts, recordings, manifests, requests and results print a line or a few."""
     recording = registry.played("ball_snip", "reference")
     scenes = list(touchstone.scenarios().values())
     request = Request(tuple(scenes), (("reference", "balanced"),), Path("out"))
@@ -87,6 +90,7 @@ def test_a_run_needs_no_guard_and_no_free_names(tmp_path: Path, way: str):
 
 
 def test_a_saved_run_is_loaded_again(tmp_path: Path, forked):
+    """With `out` the folder stays, and `touchstone.load` reads its recordings."""
     results = touchstone.run(["fall"], ["reference"], ["balanced"], out=tmp_path / "kept")
     recording = touchstone.load(tmp_path / "kept" / "recordings" / "fall-reference-balanced.npz")
     played = results.recordings["fall", "reference", "balanced"]

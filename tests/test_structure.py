@@ -72,6 +72,7 @@ def functions(path: Path) -> Iterator[tuple[str, int]]:
 
 
 def test_functions_have_few_parameters():
+    """A function has at most MOST_PARAMETERS parameters; those of a command are its options."""
     found = {
         f"{path.relative_to(ROOT)}: {name}": count
         for path in MODULES

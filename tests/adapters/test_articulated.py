@@ -48,6 +48,7 @@ def shuffle(posed, rng: np.random.Generator) -> np.ndarray:
 
 
 def test_forward_kinematics_agrees(posed) -> None:
+    """Pose every link where pinocchio has it."""
     scenario, world, model = posed
     links = list(scenario.links(scenario.trackers[0]))
     rng = np.random.default_rng(21)

@@ -139,6 +139,7 @@ def test_a_stiff_damper_holds_its_rate(engine: str) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_joint_with_a_prescribed_body_is_refused(engine: str) -> None:
+    """In one line that names the joint."""
     scenario = catalogue()["bead_on_wire"]
     path = Body("path", "prescribed", "steel", (Piece("ball", Sphere(0.01)),))
     tracker = Tracker("path", (), (0.0, 2.0), ((0.0, 0.0, 0.0),) * 2, ((1.0, 0.0, 0.0, 0.0),) * 2, ((), ()))
@@ -151,6 +152,7 @@ def test_a_joint_with_a_prescribed_body_is_refused(engine: str) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_what_closes_no_loop_is_named(engine: str) -> None:
+    """A limit of a joint that closes a loop is refused in one line."""
     scenario = catalogue()["four_bar"]
     limited = tuple(replace(joint, lower=-3.0, upper=3.0) for joint in scenario.body_joints)
     with pytest.raises(Unsupported, match=rf"{engine}: no hinge with forces or limits closes a loop"):
@@ -166,6 +168,7 @@ def test_an_engine_without_joints_refuses_them() -> None:
 
 
 def test_no_script_is_written_of_joints() -> None:
+    """Scripts in an engine's own API have no words for joints."""
     with pytest.raises(Unsupported, match="mujoco: no words for joints between bodies"):
         written(catalogue()["four_bar"], "mujoco", Settings("recommended", 1 / 480))
 

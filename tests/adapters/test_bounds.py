@@ -68,6 +68,7 @@ def test_a_start_deep_in_a_block_has_no_bounds(lab: SimpleNamespace, x: float, b
 
 
 def test_a_tracker_through_its_own_body_is_refused(lab: SimpleNamespace) -> None:
+    """Refuse a person whose own limbs meet by its tracker while they are declared never to."""
     parts = avatar_parts()
     tracker = standing_tracker(parts, (0.0, 0.0, 0.0), 1.0)
     turned_in = tuple(angle + 0.2 for angle in tracker.angles[0])
@@ -81,12 +82,14 @@ def test_a_tracker_through_its_own_body_is_refused(lab: SimpleNamespace) -> None
 
 @pytest.mark.parametrize("name", [name for name, one in catalogue().items() if "heap" not in one.tags])
 def test_scenes_keep_to_their_bounds(registry: SimpleNamespace, name: str) -> None:
+    """Keep to the bounds in every shipped scene."""
     assert left(registry.played(name, "reference").position, catalogue()[name]) == []
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
 def test_random_balls_keep_to_their_bounds(lab: SimpleNamespace, seed: int) -> None:
+    """Keep to the bounds where balls of many masses hit each other and the ground."""
     rng = np.random.default_rng(seed)
     balls = [
         lab.ball(

@@ -106,6 +106,7 @@ def test_inertia_acts_in_the_body_axes():
 
 
 def test_unsupported_scenes_are_named():
+    """Pairs without factors and ellipsoids raise Unsupported and name the bodies."""
     bodies = [mover(s.Sphere(0.1), name, material=m) for name, m in zip("pqrs", "aabb")]
     with pytest.raises(Unsupported, match=r"bullet: no restitution per body .*r-s"):
         start(scene(*bodies, coefficients=((0.5, 0.5), (0.9, 0.5), (0.0, 0.5))))
@@ -151,6 +152,7 @@ def test_a_body_of_many_pieces_rests_on_all_of_them():
 
 @pytest.mark.parametrize("collide", [True, False])
 def test_only_touching_pairs_collide(collide):
+    """Links of one driven body meet only under self-collision and when not adjacent."""
     ball = (s.Piece("ball", s.Sphere(0.05)),)
     links = tuple(s.Body(name, "driven", "a", ball, mass=1.0, inertia=TENSOR) for name in "pqr")
     joints = tuple(s.Joint(b, a, b, (0.0, 0.0, 0.04), (0.0, 1.0, 0.0)) for a, b in ("pq", "qr"))
@@ -165,6 +167,7 @@ def test_only_touching_pairs_collide(collide):
 
 @pytest.mark.parametrize(("profile", "height"), [("default", MARGIN), ("recommended", 0), ("accurate", 0)])
 def test_a_hull_rests_on_its_surface(profile, height):
+    """A hull hovers by the margin by default alone."""
     scenario = scene(FLOOR, mover(CUBE, position=(0.0, 0.0, 0.05 + height)))
     dt = BulletEngine.profiles[profile]
     final = record(BulletEngine(), scenario, Settings(profile, dt)).position[-1, 1, 2]
@@ -220,6 +223,7 @@ def test_friction_along_a_diagonal_differs() -> None:
 
 
 def test_mass_properties_are_ours() -> None:
+    """Read back mass and inertia of rigid bodies as the scenario gives them."""
     scenario = catalogue()["stack"]
     reported = BulletEngine().build(scenario, Settings("maximal", 1 / 240)).describe()
     assert reported.settings[RIGID] == len(scenario.bodies)

@@ -98,6 +98,7 @@ def ended(scenario, tmp_path_factory):
 
 @pytest.mark.parametrize("name", REASONS)
 def test_each_ends_in_its_own_way(ended, name):
+    """Every misbehaviour ends in one outcome with one line of reason, and stops no other engine."""
     outcome = ended[1][name]
     assert (outcome.status, outcome.reason) == REASONS[name]
 
@@ -171,6 +172,7 @@ def test_together_is_at_the_same_time(ended, scenario, tmp_path):
 
 
 def test_progress_counts_every_frame_of_every_job(ended):
+    """Progress adds up to all frames of all jobs, also of those that failed, so that a bar ends full."""
     assert sum(frames for _, frames in ended[0].progress) == FRAMES * len(REASONS)
     assert (f"healthy {SETTINGS.label}: save", 0) in ended[0].progress
 
@@ -187,6 +189,7 @@ def test_a_budget_ends_a_scene(scenario, tmp_path):
 
 
 def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):
+    """One that does not answer is an error after the patience given, and another still finishes."""
     stage = Stage(tmp_path, scenario)
     start = time.monotonic()
     ended = stage.play(["hangs", "healthy"], patience=PATIENCE)
@@ -198,6 +201,7 @@ def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):
 
 
 def test_waiting_for_a_processor_is_no_hang(scenario, tmp_path, monkeypatch):
+    """A child whose processors other processes have is waited for."""
     monkeypatch.setattr(process, "queued_seconds", lambda pid: time.monotonic())
     ended = Stage(tmp_path, scenario).play(["slow"], patience=PATIENCE)
     assert ended["slow"].status == "done"
@@ -239,6 +243,7 @@ def test_children_do_not_hear_ctrl_c(scenario, tmp_path):
 
 
 def test_children_go_on_from_scene_to_scene(scenario, tmp_path):
+    """A second scene is played by the same process with its own output; one that failed is replaced."""
     from fake_engines import load as fakes
 
     stage = Stage(tmp_path, scenario)
@@ -260,11 +265,13 @@ def test_children_go_on_from_scene_to_scene(scenario, tmp_path):
 
 
 def test_no_jobs_is_no_play(scenario):
+    """Nothing to play gives nothing."""
     with Children() as children:
         assert children.play([], lambda label, frames: None) == []
 
 
 def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path):
+    """Skip the scenes after one in which an engine hung, with its name; the others play on."""
     from fake_engines import load as fakes
 
     stage, quiet = Stage(tmp_path, scenario), lambda label, frames: None

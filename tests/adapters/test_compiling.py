@@ -47,6 +47,7 @@ def test_the_last_version_tells_the_usual_time(tmp_path):
 
 
 def test_a_damaged_note_tells_no_usual_time(tmp_path):
+    """Skip notes that make no sense."""
     for text in ("", "garbage", "nan"):
         (tmp_path / f"folder {text}").mkdir()
         (tmp_path / f"folder {text}" / progress.NOTE).write_text(text)

@@ -71,6 +71,7 @@ def test_boxes_by_the_closed_form(name: str) -> None:
 
 
 def test_boxes_apart(name: str) -> None:
+    """Give boxes apart their positive distance, or no contact."""
     found = answers(name, (LOWER, ABOVE), (ABOVE, LOWER))
     assert not found.failures
     if name in CONTACTS_ONLY:
@@ -108,6 +109,7 @@ def test_a_capsule_lies_along_its_z(name: str) -> None:
 
 
 def test_crossings_are_answered(name: str) -> None:
+    """Answer the pairs that measure the crossing."""
     detector = load(name)
     if detector.crossings is not None:
         assert not answers(name, *detector.crossings).failures
@@ -125,6 +127,8 @@ def test_an_unsupported_shape_is_a_failure_of_its_query() -> None:
 
 
 def test_an_exception_is_a_failure_of_its_query() -> None:
+    """Tell what was thrown, when a query is built and when it is asked."""
+
     def build(pair: Pair) -> Query:
         match pair[1].shape:
             case Sphere():
@@ -145,6 +149,7 @@ def test_an_exception_is_a_failure_of_its_query() -> None:
 
 
 def test_a_missing_package_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Name the package that brings it, without importing anything."""
     monkeypatch.setitem(DETECTORS, "absent", Entry("no.such:Thing", "no_such_package"))
     assert missing_reason("absent") == "not installed (pip install no_such_package)"
     with pytest.raises(AdapterError, match="absent: not installed"):
@@ -153,6 +158,7 @@ def test_a_missing_package_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", DETECTORS)
 def test_the_hint_of_a_detector_is_a_requirement_of_the_project(name: str) -> None:
+    """Tell pip a package that the project requires, itself or by an extra."""
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
     wanted = [*project["dependencies"], *itertools.chain(*project["optional-dependencies"].values())]
     asked = DETECTORS[name].requirement or DETECTORS[name].package
@@ -190,6 +196,7 @@ def test_a_followed_motion_is_exact_and_held() -> None:
 
 @pytest.mark.parametrize("count", [20, 150])
 def test_pairs_are_all_pairs(count: int) -> None:
+    """Find in every frame what brute force finds."""
     cloud = Cloud(count, np.random.default_rng(count))
     for _ in range(5):
         assert cloud.frame() > 0

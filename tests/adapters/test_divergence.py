@@ -60,6 +60,7 @@ def state(scenario):
 )
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_every_number_of_a_body_must_be_finite(scenario, state, name, value):
+    """Name the quantity and the body of the first number that is not finite."""
     watch = Watch(scenario)
     assert watch.step_fault(state) is None
     getattr(state, name)[1, 2] = value
@@ -85,6 +86,7 @@ def test_absurd_speeds_are_told(scenario, state, name, unit):
 
 
 def test_a_body_beyond_any_scene_has_diverged(scenario, state):
+    """Tell a position that no recording may hold, with its body."""
     state.position[1, 0] = 1e30
     assert Watch(scenario).step_fault(state) == "diverged: the position of 'ground' is beyond 1e+30"
 
@@ -123,6 +125,8 @@ def test_energy_from_nowhere_is_divergence(scenario):
 
 
 def test_a_plan_that_is_left_at_a_normal_energy_is_blamed(scenario):
+    """Blame the plan where a body leaves its bounds with no more energy than it may have."""
+
     def motion(state, t):
         # creeps away without falling
         state.position[0, 0] = 100.0 * t
@@ -133,6 +137,7 @@ def test_a_plan_that_is_left_at_a_normal_energy_is_blamed(scenario):
 
 
 def test_without_bounds_only_an_explosion_ends_a_run(scenario):
+    """Play on at twice the energy where nothing is bounded, and end at EXPLODED times the energy."""
     allowed = 0.005 + 9.81 * 0.5
 
     def motion(state, t):
@@ -182,6 +187,7 @@ def test_drivers_may_lift_and_throw(lab):
 
 
 def test_kinetic_energy_stays_below_its_bound():
+    """The bound that spares the exact energy is never below it."""
     scene = catalogue()["table_slide"]
     watch, state, rng = Watch(scene), State(scene), np.random.default_rng(4)
     for _ in range(50):

@@ -54,6 +54,7 @@ def settings(profile: str = "default") -> Settings:
 
 
 def test_it_plays_only_when_it_is_named():
+    """Drake is not among the engines that play by default."""
     assert "drake" not in DEFAULT_ENGINES
 
 
@@ -70,6 +71,7 @@ def test_a_setting_reaches_drake(profile, text, key, value):
 
 
 def test_every_setting_of_drake_is_read_back_here():
+    """READ_BACK has every setting; one without effect is refused with its reason."""
     assert {text.partition("=")[0] for _, text, *_ in READ_BACK} == set(settings_of("drake"))
     with pytest.raises(SettingError, match="relaxation_time: does nothing with approximation=lagged"):
         changes_of("drake", "default", ("relaxation_time=0.01",))
@@ -97,6 +99,7 @@ def test_a_contact_is_as_stiff_as_its_geometries():
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", ["recommended", "default", "tamsi"])
 def test_the_adapter_conforms(profile):
+    """The checks of conformance find no fault."""
     assert [(report.check, report.faults) for report in check("drake", profile) if report.faults] == []
 
 

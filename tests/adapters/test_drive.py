@@ -119,6 +119,7 @@ def test_targets_are_those_of_the_steps_end(glove):
 
 
 def test_gains_are_published_as_used(glove):
+    """The manifest's gains are those of the drive."""
     drive = glove[0]
     gains = drive.gains()
     assert gains["hinge stiffness [N m/rad]"] == drive.hinge_stiffness.tolist()

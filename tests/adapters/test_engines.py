@@ -183,6 +183,7 @@ def test_the_manifest_is_the_scenario(registry, name, scene):
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_worlds_start_as_the_scenario_says(registry, name):
+    """Before the first step bodies are where the scenario puts them, links where their tracker does."""
     scenario = catalogue()["ball_snip"]
     first = registry.played("ball_snip", name)
     for k, body in enumerate(scenario.bodies):

@@ -111,6 +111,7 @@ def test_they_play_only_when_they_are_named(name):
 
 @pytest.mark.parametrize(("name", "profile"), EACH)
 def test_the_adapter_conforms(name, profile):
+    """The checks of conformance find no fault."""
     assert [(report.check, report.faults) for report in check(name, profile) if report.faults] == []
 
 
@@ -150,6 +151,7 @@ def test_a_box_slides_as_far_as_coulomb_says(name, profile, largest, lab, box, r
     [needed("rapier", "recommended"), needed("physx", "recommended"), needed("newton", "steel")],
 )
 def test_a_hull_rests_on_its_face(name, profile, lab, box, run_of):
+    """A cube of eight vertices stays where a box does."""
     scenario = lab.scene(lab.ground(), box(), duration=0.2)
     ground, cube = scenario.bodies
     corners = tuple((x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF))
@@ -178,6 +180,7 @@ CARRYING = [
 
 @pytest.mark.parametrize(("name", "profile"), CARRYING)
 def test_a_prescribed_body_carries_another(name, profile, run_of):
+    """A load on a platform that moves too gently for it to slip has its velocity, to a step."""
     run = run_of(catalogue()["platform_stick"], name, profile)
     names = [body.name for body in catalogue()["platform_stick"].bodies]
     load, platform = (run.recording.linear_velocity[:, names.index(one), 0] for one in ("load", "platform"))
@@ -187,6 +190,7 @@ def test_a_prescribed_body_carries_another(name, profile, run_of):
 
 @pytest.mark.parametrize("name", [*BOTH, needed("newton", slow=True)])
 def test_a_posed_hand_pushes_a_ball(name, tmp_path, children):
+    """Driven links are kinematic under the drive `posed`, and push what they meet."""
     profile, dt = next(iter(profiles_of(name).items()))
     settings = Settings(profile, dt, drive="posed")
     job = Job(name, catalogue()["ball_snip"], settings, tmp_path / "run.npz", tmp_path / "output.txt")

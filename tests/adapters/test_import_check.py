@@ -34,11 +34,13 @@ def test_each_import_ends_in_its_own_way(fakes):
 
 
 def test_an_import_that_hangs_is_given_up(fakes):
+    """What does not answer is an error after the patience given."""
     found = try_imports(("hangs on load",), fakes, patience=1.0)
     assert found["hangs on load"] == Imported("error", "hung: no answer to 'import' for 1 s")
 
 
 def test_what_is_not_installed_starts_no_process(monkeypatch):
+    """An engine without its package is missing, with the way to get it."""
     entry = Entry("touchstone.adapters.no_engine:None", "no_such_package", {"recommended": 1 / 60})
     monkeypatch.setitem(registry.ENGINES, "absent", entry)
     assert try_imports(("absent",)) == {"absent": Imported("missing", missing_reason("absent"))}

@@ -136,6 +136,7 @@ def test_a_table_tells_what_profiles_do(lab, engine):
 
 
 def test_an_engine_takes_its_own_changes():
+    """A prefix names the engine; a setting without one concerns all."""
     texts = ("mujoco.solver=CG", "dart.solver=pgs", " mujoco.impratio = 3")
     assert changes_of("mujoco", "recommended", texts) == ("solver=CG", "impratio=3.0")
     assert changes_of("dart", "recommended", texts) == ("solver=pgs",)

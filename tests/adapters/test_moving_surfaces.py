@@ -99,6 +99,7 @@ def test_random_scenes_on_a_platform(registry, seed):
 
 
 def test_prescribed_bodies_may_overlap(registry):
+    """Overlap removal leaves two prescribed bodies that overlap on their paths."""
     scene = carried(random_scene(5009), SPEED)
     seen = played(registry, scene)
     assert sum(body.kind == "prescribed" for body in scene.bodies) == 2
@@ -162,6 +163,7 @@ def test_a_belt_on_a_moving_platform(registry, lab, engine, turned):
 
 
 def test_who_cannot_play_them_says_so(registry, lab):
+    """Profile `paper` has no moving surfaces; Bullet and DART have one motion per body."""
     side = Piece("side", Box((0.1, 0.1, 0.1)), (0.0, 3.0, 0.0))
     scene = lab.scene(belt("fixed", side, surface_velocity=SPEED), *loads(), mu=0.5)
     with pytest.raises(Unsupported, match="paper has no moving surfaces"):

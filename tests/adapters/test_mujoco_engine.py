@@ -80,6 +80,7 @@ def play(world: World, scenario: Scenario, steps: int) -> list[State]:
 
 
 def test_hull_keeps_its_vertices() -> None:
+    """Keep all 42 vertices of a hull and place them to single precision."""
     world = ENGINE.build(scene(FLOOR, free("hull", SHAPES["hull"], 1.0)), SETTINGS)
     model = world._model
     assert model.mesh_graph[model.mesh_graphadr[0]] == 42
@@ -185,6 +186,7 @@ def test_ball_bounces(e: float) -> None:
 
 
 def test_settings_are_neutral() -> None:
+    """Switch off autoreset, sleep and damping and say so from the compiled model."""
     facts = ENGINE.build(scene(FLOOR, free("ball", SHAPES["sphere"], 1.0)), SETTINGS).describe().settings
     assert facts["autoreset"] is facts["sleep"] is False
     assert facts["dof_damping_max"] == facts["pair_margin_max"] == 0.0

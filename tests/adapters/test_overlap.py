@@ -62,6 +62,7 @@ def test_two_spheres(gap):
 @pytest.mark.parametrize("gap", [-0.05, -1e-4, 1e-4, 0.3])
 @pytest.mark.parametrize("axis", range(6))
 def test_sphere_and_the_face_of_a_box(gap, axis):
+    """A sphere over a face, the box turned anyhow, in both orders: the gap along the face's normal."""
     rng = np.random.default_rng(axis)
     half, turn, center = np.array([0.3, 0.2, 0.25]), random_rotation(rng), rng.normal(size=3)
     n = turn.apply(AXES[axis])
@@ -90,6 +91,7 @@ def test_sphere_and_the_corner_of_a_box(corner):
 
 @pytest.mark.parametrize("gap", [-0.02, -1e-6, 1e-6, 0.1])
 def test_two_boxes_face_to_face_and_edge_to_edge(gap):
+    """Boxes: face on face the gap of the faces; crossed edges the gap between the edges."""
     still, box = Rotation.identity(), Box((0.1, 0.2, 0.3))
     distance, normal, _ = apart(box, (np.zeros(3), still), box, ([0.05, 0.1, 0.6 + gap], still))
     assert distance == pytest.approx(gap, abs=TIGHT)
@@ -104,6 +106,7 @@ def test_two_boxes_face_to_face_and_edge_to_edge(gap):
 
 
 def test_ellipsoids_along_their_axes():
+    """Ellipsoids along a common axis are their half axes apart."""
     egg, turn = Ellipsoid((0.3, 0.2, 0.1)), Rotation.from_euler("z", 90, degrees=True)
     for gap in (-0.01, 0.02):
         distance, normal, _ = apart(egg, (np.zeros(3), Rotation.identity()), egg, ([0.5 + gap, 0, 0], turn))
@@ -203,6 +206,7 @@ def pieces_at(body, position, quaternion):
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_broad_phase_misses_no_pair(lab, recordings, seed):
+    """Frame by frame every body pair within the margin has the distance that trying all pairs finds."""
     rng = np.random.default_rng(seed)
     scenario = crowd(lab, rng)
     shape = (scenario.frame_count + 1, len(scenario.bodies))

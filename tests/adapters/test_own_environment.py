@@ -56,6 +56,7 @@ def test_the_folder_depends_on_the_pins(owned, monkeypatch):
 
 
 def test_a_broken_environment_is_named(owned):
+    """Say which file or package is missing or changed."""
     owned.add()
     assert owned.fault() == ""
     assert owned.size() > len(ADAPTER)

@@ -31,6 +31,7 @@ def assert_same(one, two) -> None:
 
 @pytest.mark.parametrize("name", SHORT)
 def test_plan_and_all_effects_are_one(registry: SimpleNamespace, name: str) -> None:
+    """Play a scene with all effects as with those that it needs, to the bit."""
     everything = Settings("balanced", FRAME, effects=PLANNED)
     whole = record(registry.engine("reference"), catalogue()[name], everything)
     assert_same(registry.played(name, "reference"), whole)
@@ -96,6 +97,7 @@ def assert_sound(registry: SimpleNamespace, scene: Scenario, rng: np.random.Gene
 @settings(max_examples=80, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
 def test_random_scenes_need_no_more_than_their_plan(lab, registry, seed: int) -> None:
+    """Change nothing by forcing on what the plan of a random scene leaves out."""
     rng = np.random.default_rng(seed)
     assert_sound(registry, random_scene(lab, rng), rng)
 
@@ -155,6 +157,7 @@ def test_engines_hold_the_shapes_that_are_left(registry: SimpleNamespace, name: 
 
 
 def test_results_are_marked_by_what_was_asked_for() -> None:
+    """Name the effects in the label under which results are filed."""
     assert Settings("balanced", FRAME).label == "balanced"
     assert Settings("balanced", FRAME, effects=PLANNED).label == "balanced, effects=all"
     some = Settings("balanced", FRAME, effects=("gravity", "contact"))
@@ -162,6 +165,7 @@ def test_results_are_marked_by_what_was_asked_for() -> None:
 
 
 def test_without_gravity_and_contact(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
+    """Leave out what was asked for, needed or not."""
     scene = lab.scene(lab.ground(), lab.ball())
     engine = registry.engine("reference")
     hanging = record(engine, scene, Settings("balanced", FRAME, effects=("contact",)))
@@ -171,6 +175,7 @@ def test_without_gravity_and_contact(lab: SimpleNamespace, registry: SimpleNames
 
 
 def test_a_lie_ends_the_run(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
+    """End a run in which a body leaves the bounds of its plan."""
     scene = lab.scene(lab.ball(), duration=0.5)
     player = ready(registry.engine("reference"), scene, Settings("balanced", FRAME))
     bounds = planned(scene).bounds

@@ -52,6 +52,7 @@ def test_every_engine_has_its_entry(lab, fakes):
 
 
 def test_unknown_names_are_refused(lab):
+    """Refuse engines and profiles that do not exist with those that do, before anything is played."""
     scenario = lab.scene(lab.ball())
     with pytest.raises(AdapterError, match=r"unknown engine 'bulet'; valid: reference, dart, bullet, mujoco"):
         play(scenario, ("bulet",))
@@ -61,6 +62,7 @@ def test_unknown_names_are_refused(lab):
 
 @pytest.mark.slow
 def test_the_reference_plays_as_in_this_process(lab, registry):
+    """Play two profiles of the reference and find what `record` finds, to the bit."""
     scenario = lab.scene(lab.ball(), lab.ground(), e=0.5, duration=0.5)
     runs = play(scenario, ("reference", ("reference", "accurate")))
     assert list(runs) == [("reference", "balanced"), ("reference", "accurate")]

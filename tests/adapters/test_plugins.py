@@ -71,6 +71,7 @@ def test_children_know_an_engine_registered_at_run_time(monkeypatch, package, la
 
 
 def test_an_installed_package_is_found_by_its_entry_point(monkeypatch, package, lab):
+    """An engine of the group is known by the name of its entry point."""
     folder = package(toy_plugin=TOY)
     info = folder / "toy_plugin-2.5.dist-info"
     info.mkdir()
@@ -101,6 +102,7 @@ def test_an_installed_package_is_found_by_its_entry_point(monkeypatch, package, 
     ],
 )
 def test_a_faulty_plugin_is_refused_with_its_fault(package, text, said):
+    """A plug-in that cannot be loaded, or is no engine, is named with the fault and its place."""
     package(faulty=text)
     with pytest.raises(AdapterError, match=said):
         plugin.examined("faulty:Engine")
@@ -123,11 +125,13 @@ def test_an_import_that_ends_or_hangs_ends_nothing_else(monkeypatch, package, te
 
 @pytest.mark.parametrize("target", ["x:", ":x", "a b:C", "a:b:c", "../a:C"])
 def test_a_target_has_two_parts(target):
+    """What is not module:Class is refused before anything is imported."""
     with pytest.raises(AdapterError, match=r"expected module:Class, such as mypkg\.adapter:MyEngine"):
         registered(target)
 
 
 def test_no_plugin_replaces_an_engine_of_ours(package):
+    """A plug-in that calls itself like one of ours is refused."""
     package(faulty=SOUND.replace("sound", "mujoco"))
     with pytest.raises(AdapterError, match="it calls itself 'mujoco', which is another engine"):
         registered("faulty:Engine")
@@ -140,6 +144,8 @@ def test_a_module_that_went_away_is_named(monkeypatch):
 
 
 def test_a_world_that_cannot_step_is_named(lab) -> None:
+    """A world made from `SimpleWorld` without a step of its own is named in one line."""
+
     class Still(SimpleWorld):
         engine, version = "still", "1"
 

@@ -96,6 +96,7 @@ def alive(process: int) -> bool:
 
 
 def test_tasks_end_once_whatever_dies(tmp_path: Path) -> None:
+    """Two processes share eight tasks; the one that dies costs its task and is replaced."""
     main = dict(vars(sys.modules["__main__"]))
     found = list(Pool(start, 2, tmp_path).each(range(8), square))
     assert sorted(number for number, _ in found) == list(range(8))
@@ -110,6 +111,7 @@ def test_tasks_end_once_whatever_dies(tmp_path: Path) -> None:
 
 
 def test_an_early_end_stops_processes_and_takes_no_more_tasks(tmp_path: Path) -> None:
+    """A caller that leaves the loop leaves no process, and a slot starts no other."""
     taken: list[int] = []
     slots: list[Slot[ChildProcess]] = []
 
@@ -136,6 +138,8 @@ def test_an_early_end_stops_processes_and_takes_no_more_tasks(tmp_path: Path) ->
 
 @pytest.mark.parametrize("where", ["tasks", "play"])
 def test_an_error_reaches_the_caller(tmp_path: Path, where: str) -> None:
+    """What the list of tasks or the function raises is raised where results are read."""
+
     def tasks():
         yield 1
         if where == "tasks":
@@ -245,6 +249,7 @@ def test_a_folder_of_a_dead_process_is_taken_over(tmp_path):
 
 
 def test_scratch_folders_of_dead_processes_are_removed(tmp_path, monkeypatch):
+    """The next scratch folder removes those of processes that were killed, and none of living ones."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     program = (
         "import os, signal, sys, tempfile; tempfile.tempdir = sys.argv[1]\n"

@@ -242,6 +242,7 @@ def test_contacts_carry_the_start_of_their_step(engine, scenario, settings):
 
 
 def test_contact_velocities_are_of_the_surface(engine, scenario, settings):
+    """Velocities at the contact are filled from the states round the step, with the arm of its start."""
     rows = record(engine, scenario, settings).contacts
     for row, (start, end) in zip(rows, pairwise(np.arange(1, FRAMES * SUBSTEPS + 1) * DT)):
         for moment, t in (("before", start), ("after", end)):
@@ -262,6 +263,7 @@ def test_what_an_engine_knows_of_a_contact_is_kept(engine, scenario, settings):
 
 
 def test_playing_in_slices_is_playing_at_once(engine, scenario, settings):
+    """Frames played one by one leave the recording that playing them together leaves."""
     whole = record(engine, scenario, settings)
     player = Player(engine.build(scenario, settings), scenario, settings)
     for count in (1, 3, 1):
@@ -289,6 +291,7 @@ def test_a_diverged_state_is_an_error_with_its_time(engine, scenario, settings):
 
 
 def test_warm_up_plays_a_world_of_its_own(engine, scenario, settings):
+    """Warming up plays a few frames of a world that is closed and not used again."""
     warm_up(engine, scenario, settings)
     assert engine.worlds[0].steps == WARM_UP_FRAMES * SUBSTEPS
     assert engine.worlds[0].closed
@@ -298,16 +301,19 @@ def test_warm_up_plays_a_world_of_its_own(engine, scenario, settings):
     ("dt", "count"), [(1 / 10, 1), (1 / 20, 2), (0.1 / 3, 3), (1e-4, 1000), (0.1 + 1e-13, 1)]
 )
 def test_steps_that_divide_the_frame(scenario, dt, count):
+    """A step that divides the frame, to rounding, gives its number per frame."""
     assert substeps(scenario, dt) == count
 
 
 @pytest.mark.parametrize("dt", [1 / 7, 0.2, 0.1 * (1 + 1e-6), 0.0, -0.1, float("nan"), float("inf")])
 def test_steps_that_do_not_divide_the_frame_are_refused(scenario, dt):
+    """Any other step is refused by name, with the frame it should divide."""
     with pytest.raises(ValueError, match=r"does not divide the frame of 1/10 s"):
         substeps(scenario, dt)
 
 
 def test_too_many_contacts_are_an_error(scenario):
+    """More contact points than there is room for are an error, never a silent loss."""
     state = State(scenario)
     add = (0, 1, np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0, np.zeros(3))
     for _ in range(CONTACT_CAPACITY):
@@ -317,6 +323,7 @@ def test_too_many_contacts_are_an_error(scenario):
 
 
 def test_too_many_contacts_name_the_frame(engine, scenario, settings, monkeypatch):
+    """A full contact buffer ends the run with one line that names the frame."""
     monkeypatch.setattr("touchstone.adapters.contract.contact_capacity", lambda _: 0)
     with pytest.raises(RunEnded) as end:
         record(engine, scenario, settings)

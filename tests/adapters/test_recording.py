@@ -47,6 +47,7 @@ def saved(kept, tmp_path):
 
 
 def test_round_trip_keeps_every_bit(kept, saved):
+    """Every array comes back with its type, shape and bits, every text as it was."""
     back = load(saved)
     for field in fields(Recording):
         ours, theirs = getattr(kept, field.name), getattr(back, field.name)
@@ -68,6 +69,7 @@ def rewritten(path, **changes):
 
 @pytest.mark.parametrize("version", [FORMAT_VERSION + 1, 0, None])
 def test_another_format_version_is_refused(saved, version):
+    """A file of another version, or of none, is refused with both versions in one line."""
     rewritten(saved, format_version=None if version is None else np.array(version))
     with pytest.raises(RecordingError, match=rf"run.npz: format version .*reads {FORMAT_VERSION}$"):
         load(saved)
@@ -111,6 +113,7 @@ def test_a_flipped_byte_is_noticed_or_harmless(kept, saved):
 
 
 def test_pickled_objects_are_refused(saved):
+    """A file that would run code on loading is refused."""
     rewritten(saved, position=np.array([{"a": 1}], dtype=object))
     with pytest.raises(RecordingError, match=r"run\.npz.*allow_pickle"):
         load(saved)

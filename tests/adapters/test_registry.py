@@ -21,6 +21,7 @@ PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_every_entry_loads_as_what_it_says(registry, name):
+    """An engine answers to the name and the profiles it is registered under."""
     engine = registry.engine(name)
     assert engine.name == name
     assert engine.profiles == ENGINES[name].profiles
@@ -29,6 +30,7 @@ def test_every_entry_loads_as_what_it_says(registry, name):
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_every_step_divides_the_frame_of_every_scene(name):
+    """The native step of every profile fits the frame of every scene of the catalogue."""
     for dt in ENGINES[name].profiles.values():
         for scenario in catalogue().values():
             assert substeps(scenario, dt) == round(1 / scenario.frame_rate / dt)
@@ -36,6 +38,7 @@ def test_every_step_divides_the_frame_of_every_scene(name):
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_the_hint_names_something_pip_can_install(name):
+    """The hint for a missing engine names a package that the project requires, itself or by an extra."""
     (asked,) = shlex.split(re.fullmatch(r"not installed \(pip install (.*)\)", missing_reason(name))[1])
     wanted = PROJECT["optional-dependencies"].get(name, PROJECT["dependencies"])
     assert asked in {*wanted, *(re.split("[>;]", one)[0] for one in wanted)}
@@ -56,6 +59,7 @@ def test_a_missing_package_is_told_with_its_hint(monkeypatch, tmp_path, package)
 
 @pytest.mark.parametrize("ask", [load, installed])
 def test_an_unknown_name_is_told_the_valid_ones(ask):
+    """A name that is not registered is an AdapterError that lists those that are."""
     with pytest.raises(AdapterError, match=r"unknown engine 'bulet'.*reference, dart, bullet, mujoco"):
         ask("bulet")
 

@@ -115,6 +115,7 @@ def test_names_of_scripts_may_hold_any_character(registry, engine, tmp_path):
 
 
 def test_a_script_of_another_step_differs(tmp_path):
+    """The comparison sees a script that plays something else."""
     needs("mujoco")
     scenario, path = catalogue()["bounce_e05"], tmp_path / "script.py"
     script = written(scenario, "mujoco", settings("mujoco", "default", 1 / 240))

@@ -69,6 +69,7 @@ def test_in_the_open(lab: SimpleNamespace, registry: SimpleNamespace, name: str)
 
 @pytest.mark.parametrize("name", ENGINES)
 def test_a_fall_is_left_alone(lab: SimpleNamespace, registry: SimpleNamespace, name: str) -> None:
+    """Fall to the bit as without sleeping."""
     scene = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, 50.0), linear_velocity=(1.0, 0.0, 0.0)))
     one, two = played(registry, name, scene, *STAGES), played(registry, name, scene)
     for field in ("position", "orientation", "linear_velocity", "angular_velocity"):

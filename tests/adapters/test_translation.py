@@ -130,6 +130,7 @@ def test_overlap_at_the_start_is_parted_without_a_throw(lab, profile):
 
 
 def test_bodies_in_one_place_are_not_played(lab, registry):
+    """Refuse a run in which two bodies start in one place, in one line."""
     scene = lab.scene(lab.ground(), lab.ball("one"), lab.ball("two"))
     told = r"^bodies\[2\].position: 'two' starts where 'one' does: .* \(0, 0, 1\) m; move one of them$"
     with pytest.raises(AdapterError, match=told):
@@ -237,6 +238,7 @@ print(json.dumps({
 
 
 def test_constants_are_those_of_their_modules() -> None:
+    """Every constant has the value that its module gives it, and a type that varying keeps."""
     assert len(constants()) > 100
     for one in constants():
         value = getattr(importlib.import_module(f"touchstone.reference_impl.{one.module}"), one.name)
@@ -245,6 +247,7 @@ def test_constants_are_those_of_their_modules() -> None:
 
 
 def test_mechanisms_are_kernels() -> None:
+    """Every mechanism names a function of the reference, and no two have one name."""
     for one in MECHANISMS:
         assert hasattr(importlib.import_module(f"touchstone.reference_impl.{one.module}"), one.function)
     assert len({one.name for one in MECHANISMS}) == len(MECHANISMS)

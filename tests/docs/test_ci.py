@@ -56,6 +56,7 @@ def test_commands_of_workflows_exist(text, monkeypatch, tmp_path):
 
 
 def test_both_workflows_call_the_same():
+    """GitHub's and GitLab's recipes have the same lines, those of the steps among them."""
     github, gitlab = (
         lines_of(yaml.safe_load(BLOCKS[n])) for n in (".github/workflows/physics.yml", ".gitlab-ci.yml")
     )

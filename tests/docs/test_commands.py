@@ -146,6 +146,7 @@ def test_the_pages_have_commands():
 
 @pytest.mark.parametrize("one", ALL, ids=lambda one: f"{one.page} {one.text[:60]}")
 def test_a_documented_command_parses(one, monkeypatch, tmp_path):
+    """Its command, options and the kinds of their values exist."""
     monkeypatch.chdir(tmp_path)
     command = typer.main.get_command(main.app)
     name, arguments, context = "touchstone", one.arguments, None

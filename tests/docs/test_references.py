@@ -163,6 +163,7 @@ QUOTED = [
 
 @pytest.mark.parametrize(("page", "words", "constant"), QUOTED)
 def test_a_quoted_constant_has_its_value(page, words, constant):
+    """A page states the value that the code has."""
     module, _, name = constant.rpartition(".")
     value = getattr(import_module(f"touchstone.reference_impl.{module}"), name)
     text = " ".join((ROOT / "docs" / page).read_text("utf-8").split())
@@ -187,6 +188,7 @@ COUNTED = [
 
 @pytest.mark.parametrize(("page", "words", "count"), COUNTED)
 def test_a_quoted_count_is_right(page, words, count):
+    """A page states how many there are."""
     assert count()
     assert words.format(count()) in " ".join((ROOT / page).read_text("utf-8").split())
 

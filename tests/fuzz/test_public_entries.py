@@ -90,6 +90,7 @@ def damaged(data: bytes, changes, cut: int) -> bytes:
 @FUZZ
 @given(name=st.sampled_from(RECORDED), changes=SCRAMBLED, cut=st.one_of(st.just(0), st.integers(0, 10**6)))
 def test_a_damaged_recording_is_refused_or_read(saved, tmp_path, name, changes, cut):
+    """Bytes of a recording may change anywhere: it is read, or refused with its path."""
     path = tmp_path / "run.npz"
     path.write_bytes(damaged(saved[name], changes, cut))
     message = ""
@@ -104,6 +105,7 @@ def test_a_damaged_recording_is_refused_or_read(saved, tmp_path, name, changes, 
 @FUZZ
 @given(changes=SCRAMBLED, cut=st.one_of(st.just(0), st.integers(0, 10**4)))
 def test_a_damaged_store_is_refused_or_read(cells, tmp_path, changes, cut):
+    """Bytes of a store's file may change anywhere: it is read, or refused with its path."""
     with Store(tmp_path).opened() as store:
         path = tmp_path / "cells" / "one.parquet"
         path.write_bytes(damaged(cells, changes, cut))
@@ -119,6 +121,7 @@ def test_a_damaged_store_is_refused_or_read(cells, tmp_path, changes, cut):
 @FUZZ
 @given(content=st.binary(max_size=200))
 def test_any_bytes_are_no_recording_and_no_store(tmp_path, content):
+    """Random bytes are refused as a recording, and in a store."""
     path = tmp_path / "run.npz"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=r"run\.npz"):
@@ -372,6 +375,7 @@ def test_a_changed_robot_is_refused_or_read(here, capsys, name, reader, place, v
 @FUZZ
 @given(text=st.text(max_size=300))
 def test_any_text_is_no_scene_file(tmp_path, text):
+    """Random text is refused as TOML."""
     file = tmp_path / "scene.toml"
     file.write_text(text, encoding="utf-8", errors="surrogatepass")
     with pytest.raises((SceneFileError, ScenarioError)):

@@ -60,6 +60,7 @@ def test_free_limbs_are_where_the_tracker_has_them(registry, scene: str, profile
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_two_arms_push_as_mirror_images(registry, profile: str) -> None:
+    """Bend left and right equally all the time: equal angles are mirrored postures."""
     names = catalogue()["two_arms"].trackers[0].joints
     angle = registry.played("two_arms", "reference", profile).joint_angle
     left = [k for k, name in enumerate(names) if name.startswith("left")]

@@ -118,6 +118,7 @@ def test_a_cone_tips_where_its_weight_leaves_the_rim(turn: float) -> None:
 
 
 def test_a_cone_that_falls_gains_nothing() -> None:
+    """Gain no energy where a cone falls on its rim, its side and its apex."""
     turn = quaternion(Rotation.from_rotvec((2.3, 0.4, 0.0)))
     top = cone("cone", "wood", 0.05, 0.08, 0.3, (0.0, 0.0, 0.2), turn, spin=(3.0, 2.0, 12.0))
     pairs = (PairCoefficients("wood", "wood", 0.3, 0.4),)

@@ -57,5 +57,6 @@ def test_laws_hold_with_noise(noisy_rows, profile, scene):
 
 
 def test_noise_repeats_to_the_bit(noisy_rows):
+    """Play the same twice."""
     one, two = (noisy_rows("balanced", "ball_snip")[0] for _ in range(2))
     assert one.position.tobytes() == two.position.tobytes()

@@ -74,6 +74,7 @@ def test_a_held_box_hangs_still(name, profile):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_both_hands_bear_the_box_alike(name):
+    """Share the load evenly, and bear the whole weight."""
     scene, recording = played(name, "balanced")
     context, rows = Context(recording, scene), recording.contacts
     late = context.contact_frame >= len(recording.time) - 7

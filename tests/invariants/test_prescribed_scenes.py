@@ -22,6 +22,7 @@ DEEPEST = 5e-4
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("scene", SCENES)
 def test_loads_follow_the_closed_form(registry, engine, scene):
+    """The load stays near its truth and on its support."""
     try:
         recording = registry.played(scene, engine)
     except Unsupported as reason:

@@ -125,6 +125,7 @@ def test_hands_stay_at_the_box(mass, profile):
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("mass", [2.0, 12.0, 40.0])
 def test_pushing_makes_no_overlap(mass, profile):
+    """Keep the box out of hands and floor."""
     scene, recording = pushed(mass, profile)
     assert worst(scene, recording, "overlap.max") < 1e-6
 

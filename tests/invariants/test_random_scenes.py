@@ -274,6 +274,7 @@ def test_hands_among_loose_bodies_stay_outside(profile: str, seed: int) -> None:
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_random_scenes_break_no_limit(profile: str) -> None:
+    """They overlap nowhere, keep their momentum and are solved, too."""
     assert broken(few(profile)) == []
 
 
@@ -339,6 +340,7 @@ coefficient: Callable = st.sampled_from([0.0, 1.0]) | st.floats(0.0, 1.0)
 def test_few_boxes_and_balls(
     seed: int, count: int, kinds: tuple[str, ...], e: float, mu: float, profile: str
 ) -> None:
+    """Two to four boxes and balls do what they may, whatever their coefficients."""
     found = assess(reference(), small_scene(seed, count, kinds, e, mu), Settings(profile, FRAME), EXACT)
     assert (found.outcome, found.reason) == ("ok", "")
 

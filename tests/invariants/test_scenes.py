@@ -55,6 +55,7 @@ def test_every_metric_leaves_a_row(rows, engine, scene):
 
 @pytest.mark.parametrize(("engine", "scene"), PLAYED)
 def test_what_is_expected_happens(rows, engine, scene):
+    """Every expected event has its own row, happened within its window, and passes, or is known not to."""
     events = {(row.metric, row.subject): row for row in rows(engine, scene)}
     expectations = subjects(catalogue()[scene])
     assert expectations
@@ -97,6 +98,7 @@ def test_a_heap_comes_to_rest(rows):
 
 @pytest.mark.parametrize("scene", REFERENCE_SCENES)
 def test_the_reference_repeats_to_the_bit(registry, scene):
+    """Two runs of the reference leave the same recording, but for what the clock says."""
     again = record(registry.engine("reference"), catalogue()[scene], registry.settings("reference"))
     first = registry.played(scene, "reference")
     for field in fields(Recording):

@@ -64,6 +64,7 @@ def known(profile: str, *speeds: float) -> list:
     ],
 )
 def test_a_fast_hand_stays_on_its_table(profile, speed):
+    """No part of a hand passes through its table."""
     assert passages(Context(played(speed, profile), slap(speed))) == []
 
 

@@ -78,6 +78,7 @@ def tumbling(count: int, seed: int) -> Scenario:
     [(1, 1), (2, 2), (2, 102), (2, 104), (4, 101), (4, 102), (4, 105)],
 )
 def test_tumbling_boxes_end_alike(registry, transform: str, count: int, seed: int, profile: str) -> None:
+    """End at the transformed place from a transformed start."""
     scene = tumbling(count, seed)
     own = ends(registry, scene, profile)
     match transform:

@@ -85,6 +85,7 @@ def test_the_hand_is_held_back_by_the_wall_when_it_hits(registry, scene, profile
 
 @pytest.mark.parametrize("profile", SWEPT)
 def test_the_arm_hits_as_fast_as_it_moves(scene, hits, profile):
+    """Meet the first ball with the speed of the hand by its tracker."""
     first = hits(profile, BALLS[0])[0]
     times = float(first["time"]) + np.array((-1.0, 1.0)) / 240
     place, _ = tracked_poses(scene, scene.trackers[0], times)

@@ -64,6 +64,7 @@ def test_two_arms_spikes_three_times_in_the_second_half(counts: Counts) -> None:
 
 
 def test_contacting_pairs_peak_in_the_corner(counts: Counts) -> None:
+    """Have more pairs in contact at a time in `corner_slide` than in any other scene."""
     most = {scene: counts(scene, "pairs.contacting").max() for scene in SCENES}
     corner = most.pop("corner_slide")
     assert corner > max(most.values())

@@ -72,6 +72,7 @@ def test_a_power_law_gives_its_exponent(order: float) -> None:
 
 
 def test_rounding_has_no_order() -> None:
+    """Give no order where steps change nothing."""
     assert all(isnan(number) for number in order_of(np.array(LADDER[:-1]), np.full(len(LADDER) - 1, 1e-13)))
 
 
@@ -90,6 +91,7 @@ def test_the_parts_of_an_error_are_told_apart(played) -> None:
 
 
 def test_the_outlier_and_the_stubborn_are_named(played) -> None:
+    """Name the engine that stands apart, and say whose error does not fall."""
     frame = played()
     outlier = frame[(frame.metric == "agreement.outlier") & (frame.subject == "position")]
     assert list(outlier.reason) == ["mujoco"]
@@ -99,6 +101,7 @@ def test_the_outlier_and_the_stubborn_are_named(played) -> None:
 
 
 def test_an_engine_that_cannot_is_skipped(played) -> None:
+    """Keep a row with the reason, and the others' rows."""
     frame = played(refuse="dart")
     row = frame[frame.engine == "dart"]
     assert list(row.verdict) == ["skipped"]

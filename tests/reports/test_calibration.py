@@ -134,6 +134,7 @@ def test_bodies_arrive_as_asked(pair: str, dt: float) -> None:
 
 
 def test_slides_turn_with_their_heading() -> None:
+    """Start every slide at the speed that friction stops in SLIDE_TIME, the body turned along."""
     probe = Probe("box-box", "friction", 0.4, headings=(0.0, 22.5, 45.0))
     for body, heading in zip(scene(probe, 1 / 240).bodies[1:], probe.headings):
         along = np.deg2rad(heading)
@@ -176,6 +177,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Pat
 
 
 def test_rows_are_complete(results) -> None:
+    """Hold every value asked for, once, beside its bias, and the bias is the difference."""
     frame = results[0]
     assert tuple(frame.columns) == COLUMNS
     assert set(frame.study) == {"calibration"}
@@ -209,6 +211,7 @@ def test_the_reference_obeys_its_laws(results) -> None:
 
 
 def test_short_hops_are_skipped(results) -> None:
+    """Skip what is over within two steps, with what was asked."""
     frame = results[0]
     short = frame[(frame.metric == "restitution.achieved") & (frame.subject == "e=0.5 v=0.1")]
     assert set(short.verdict) == {"skipped"}
@@ -216,6 +219,7 @@ def test_short_hops_are_skipped(results) -> None:
 
 
 def test_a_missing_engine_is_a_skipped_row(results) -> None:
+    """Skip with the reason, once per profile."""
     rows = results[0][results[0].engine == "absent"]
     assert rows[["metric", "verdict", "reason"]].to_numpy().tolist() == [
         ["run", "missing", "not installed (no module 'no_such_package')"]
@@ -223,6 +227,7 @@ def test_a_missing_engine_is_a_skipped_row(results) -> None:
 
 
 def test_files_are_written(results) -> None:
+    """Leave table, picture, page, manifest and the engines' output, and no other folder."""
     frame, folder = results
     pd.testing.assert_frame_equal(pd.read_parquet(folder / "results.parquet"), frame)
     assert (folder / "calibration.png").read_bytes().startswith(b"\x89PNG")
@@ -237,6 +242,7 @@ def test_files_are_written(results) -> None:
 
 
 def test_an_engine_that_fails_is_one_row(tmp_path: Path) -> None:
+    """Say of an engine that breaks how it did; the others are measured."""
     frame = run((("mujoco", ACCURATE),), tmp_path / "out", silence, TINY, loader=str)  # type: ignore[arg-type]
     rows = frame[frame.metric == "run"]
     assert rows[["engine", "profile", "verdict"]].to_numpy().tolist() == [["mujoco", ACCURATE, "error"]]
@@ -245,6 +251,7 @@ def test_an_engine_that_fails_is_one_row(tmp_path: Path) -> None:
 
 
 def test_a_probe_that_is_refused_is_one_row(tmp_path: Path) -> None:
+    """Tell which probe an engine cannot represent, and measure the others."""
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     few = {"frictions": (), "headings": (), "ladder": (), "steps": ()}
     grid = replace(TINY, pairs=("sphere-box",), restitutions=(0.01, 0.5), speeds=(1.0,), **few)

@@ -65,6 +65,7 @@ def test_a_row_changes(a, b, kind):
 
 
 def test_rows_of_one_run_only():
+    """A row that is new fails only if it fails; another engine's run is one row."""
     other = [row(), row("overlap.p95")]
     assert kinds([row()], other) == ["new"]
     assert kinds(other, [row()]) == ["gone"]
@@ -80,6 +81,7 @@ def test_rows_of_one_run_only():
 
 @pytest.mark.parametrize("verdict", ["missing", "unimportable"])
 def test_an_engine_that_did_not_play_is_gone(verdict):
+    """An engine that is missing later is gone, with the reason; one that was missing before is new."""
     absent = Row("run", "fall", "mujoco", "recommended", nan, "run", verdict=verdict, reason="pip install it")
     found = changes(table([row()]), table([absent]), default())
     assert found[["kind", "reason"]].values.tolist() == [["gone", f"{verdict}: pip install it"]]
@@ -172,12 +174,14 @@ def test_the_largest_difference_of_any_pair_counts():
 
 
 def test_a_time_that_varies_beyond_measure_is_not_judged():
+    """Nothing is judged where MARGIN times the difference covers all; times that a run lacks do not count."""
     found = differences({"a": run(1.0, 5.0), "b": run(1 - 1 / MARGIN, nan)}).set_index("metric")
     assert found.loc["time.frame.median", "rows"] == 1
     assert found.loc["time.frame.median", "tolerance"] == inf
 
 
 def test_runs_of_two_programs_are_refused():
+    """A figure that no clock measures differs: its place is named."""
     with pytest.raises(RunError, match=r"a b: overlap\.max of scene_0 on mujoco recommended differs"):
         differences({"a": run(1.0), "b": run(1.0, overlap=1.1e-3)})
     with pytest.raises(RunError, match="no time in common"):
@@ -185,6 +189,7 @@ def test_runs_of_two_programs_are_refused():
 
 
 def test_the_file_is_read_by_compare(tmp_path):
+    """What the command writes has the tolerances; times that were not measured have the largest one."""
     found = differences({"a": run(10e-6, 1.0), "b": run(8e-6, 1.0)})
     path = tmp_path / "mine.toml"
     path.write_text(toml_of(found, ["a", "b"]), "utf-8")
@@ -195,6 +200,7 @@ def test_the_file_is_read_by_compare(tmp_path):
 
 
 def test_the_default_has_every_time_of_a_run():
+    """The tolerances of this project are measured: each time of a run has its own, others the largest."""
     names = {one.metric for one in default()}
     assert {"time.*", "ratio.time*", "time.frame.median", "time.read", "ratio.time"} <= names
     assert tolerance_of(default(), "time.frame.median", "mujoco", "slip").relative < 1

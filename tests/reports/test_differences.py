@@ -63,6 +63,7 @@ def only_line(name, *made, scenes=("fall",), **more):
     ],
 )  # fmt: skip
 def test_the_outlier_is_named_with_its_distance(values, outlier, nearest):
+    """Name the engine farthest from the median of the others, whoever it is, and all nearest to 0."""
     line, _ = only_line("overlap", rows("fall", "overlap.max", values))
     assert line.outlier_text == outlier
     assert line.nearest == nearest
@@ -101,6 +102,7 @@ def test_the_pair_that_differs_most_is_shown():
 
 
 def test_the_page_tells_all_four_words():
+    """Write a table, a picture and the best of each topic; say who did not play and what has no figure."""
     made = [
         rows("fall", "overlap.max", {"reference": 0.0, "bullet": 1e-3, "mujoco": 3e-3}),
         rows("fall", "energy.loss", {"reference": 0.0, "bullet": 0.0, "mujoco": 0.0}),
@@ -126,6 +128,7 @@ def test_the_page_tells_all_four_words():
 
 
 def test_one_engine_has_no_differences(tmp_path):
+    """Say so in one line, and draw nothing."""
     results = Results(table(rows("fall", "overlap.max", {"dart": 1e-3})))
     page = report(request_for("fall"), results)
     assert "Fewer than two engines played: no differences to show." in page
@@ -164,6 +167,7 @@ def test_pictures_of_one_scene_and_of_many(names, tmp_path, recordings):
 
 
 def test_courses_end_in_their_metric(registry):
+    """Have the metric as the largest value of its course, whatever the subject."""
     scenario, recording = catalogue()["ball_snip"], registry.played("ball_snip", "reference")
     context = Context(recording, scenario)
     found = course(context)
@@ -186,6 +190,7 @@ def row(engine: str, metric: str, value: float, scene: str = "stack", **more) ->
 
 
 def test_a_metric_in_which_an_engine_is_better_is_told() -> None:
+    """Name scenes lost of those compared, the worst one, both of our profiles and the best engine."""
     rows = [
         row("reference", "contact.gap", 2e-4, subject="a-b"),
         row("reference", "contact.gap", 5e-4, subject="a-b", profile="paper"),
@@ -237,6 +242,7 @@ def test_every_scene_has_its_line() -> None:
 
 
 def test_what_only_engines_measure_is_told() -> None:
+    """Print once what the reference does not measure although an engine does, with the reason."""
     rows = [
         *(row("reference", "friction.cone", nan, s, verdict="skipped", reason="no impulses") for s in "ab"),
         *(row("dart", "friction.cone", 0.1, scene) for scene in "ab"),
@@ -256,6 +262,7 @@ def fifth(monkeypatch):
 
 
 def test_an_entry_without_looks_has_some(fifth):
+    """The colour and the marker that no entry states are those of no other engine."""
     others = [name for name in ENGINES if name != fifth]
     assert color_of(fifth) not in map(color_of, others)
     assert marker_of(fifth) not in map(marker_of, others)
@@ -264,6 +271,7 @@ def test_an_entry_without_looks_has_some(fifth):
 
 
 def test_pictures_and_report_show_it(fifth, tmp_path: Path):
+    """Pictures of the differences and the report are drawn with a column of the fifth engine."""
     columns = columns_of(ENGINES, ["balanced", "recommended"])
     request = Request((catalogue()["fall"],), columns, tmp_path)
     rows = [

@@ -58,17 +58,20 @@ def test_times_are_net_of_the_crossing() -> None:
     ],
 )
 def test_outcomes_in_words(reported: dict[str, object], word: str) -> None:
+    """Tell what is identical from what is within tolerance, and both from what matters."""
     rows = effects.rows_of_variants(BASE, {"": variant(1e-6), "-gravity": variant(1e-6, **reported)})
     moved = by_metric(rows)["effects.moved", "-gravity"]
     assert effects.outcome(moved) == word
 
 
 def test_a_variant_that_ends_is_told() -> None:
+    """Keep a row for what cannot be played without an effect."""
     rows = effects.rows_of_variants(BASE, {"": variant(1e-6), "-contact": variant(1e-6, ended="stuck")})
     assert by_metric(rows)["run", "-contact"].reason == "-contact: stuck"
 
 
 def test_means_are_geometric() -> None:
+    """Take the geometric mean of what is left, by group."""
     rows = [
         Row("effects", name, "reference", "balanced", 1 / 60, "time.saved", 1 - left, "1", ALL, 0, 0, 0, 0.9)
         for name, left in (("a", 0.25), ("b", 1.0), ("c", 0.5))

@@ -32,6 +32,7 @@ def _wide():
 
 @pytest.mark.parametrize("width", [40, 60, 80, 112])
 def test_no_number_is_cut_off(width):
+    """Every number is printed whole, in tables that fit the width; the title is printed once."""
     text = _printed(width, lambda out: out.print(_wide()))
     assert max(map(len, text.splitlines())) <= width
     assert "…" not in text
@@ -40,6 +41,7 @@ def test_no_number_is_cut_off(width):
 
 
 def test_a_table_that_fits_is_one():
+    """Nothing changes where there is room."""
     text = _printed(200, lambda out: out.print(_wide()))
     assert text.count("a_scene_with_a_long_name_0") == 1
 
@@ -58,6 +60,7 @@ def test_a_run_with_eight_columns_fits_80():
 
 
 def test_the_width_off_a_terminal(monkeypatch):
+    """COLUMNS decides, or a width that suits files."""
     monkeypatch.delenv("COLUMNS", raising=False)
     assert console().width == NARROW
     monkeypatch.setenv("COLUMNS", "80")

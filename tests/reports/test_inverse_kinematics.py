@@ -48,6 +48,7 @@ def test_rows_are_complete(measured) -> None:
 
 
 def test_rows_repeat_by_seed(measured) -> None:
+    """Give the same rows twice, but for the times."""
     one, two = (
         frame[~frame.metric.str.startswith(("time.", "ratio."))].drop(columns="dt") for frame in measured
     )
@@ -55,6 +56,7 @@ def test_rows_repeat_by_seed(measured) -> None:
 
 
 def test_limits_are_judged(measured) -> None:
+    """Judge misses of the reference from near starts, and what it costs beside the loop."""
     frame = measured[0]
     judged = frame[frame.verdict != ""]
     found = set(zip(judged.metric, judged.profile, judged.scenario))
@@ -76,6 +78,7 @@ def test_goals_and_starts_are_what_they_say() -> None:
 
 
 def test_files_and_table_are_complete(shown, tmp_path: Path) -> None:
+    """Store the rows and a manifest, and show each start with each solver."""
     frame = run(5, 1, tmp_path / "ik", quietly)
     assert {path.name for path in (tmp_path / "ik").iterdir()} == {
         *("results.parquet", "results.csv", "manifest.json")

@@ -55,5 +55,6 @@ def test_what_differs_is_found(change: str, registry) -> None:
 
 
 def test_a_scene_without_driven_bodies_has_no_card() -> None:
+    """Say so in a line."""
     with pytest.raises(NotDriven, match="fall: no driven bodies"):
         card_rows(catalogue()["fall"])

@@ -150,6 +150,7 @@ def test_each_reason_is_told_once():
 
 
 def test_ratios_are_told_in_one_line():
+    """Judged time ratios count as limits and are told by their range; the others are not."""
     found = seen(
         *(
             row(scene, 0, "ratio.time", value, subject="dart recommended", verdict="pass", limit=1.0)
@@ -165,6 +166,7 @@ def test_ratios_are_told_in_one_line():
 
 
 def test_hidden_columns_are_left_out():
+    """Columns that are not shown are neither counted nor told."""
     found = seen(
         row("a", 0, "energy.gain", 0.0, verdict="pass"),
         row("a", 1, "energy.gain", 1.0, verdict="fail", reason="bad", limit=0.5),
@@ -269,5 +271,6 @@ def test_what_is_broken_comes_once_per_cause_with_its_command():
 @pytest.mark.parametrize("width", [100, 120])
 @pytest.mark.parametrize("count", [2, SCENES_IN_FULL + 1])
 def test_it_fits_the_terminal(width, count):
+    """No line is longer than the terminal is wide."""
     rows = [one for k in range(count) for one in played(f"incline_slides_{k}", 1e-2, "fail", reason="x" * 90)]
     assert max(map(len, printed(rows, width))) <= width

@@ -107,6 +107,7 @@ def test_coherence_is_a_tendency() -> None:
 
 
 def test_claims_are_complete() -> None:
+    """Every claim has a name of its own, scenes of the study, a known basis, and a rule that says itself."""
     assert len(TOLD) == len(CLAIMS) == 20
     for claim in CLAIMS:
         assert set(claim.scenes) <= set(claims.SCENES)
@@ -146,6 +147,7 @@ class Broken:
 
 
 def test_scenes_that_fail_are_told(shown, tmp_path) -> None:
+    """A scene that cannot be played is an error with its reason; claims that need it are skipped."""
     frame = run(1, tmp_path / "paper", quietly, Broken())
     assert set(frame[frame.metric == "run"].verdict) == {"error"}
     assert set(frame[frame.metric == CLAIM].verdict) == {"skipped"}

@@ -29,6 +29,7 @@ def values(task, one, other):
 
 
 def test_a_pair_of_plays_has_a_distance_and_a_horizon(task):
+    """Equal plays are equal to the bit; others have the last frame before a body is 1 mm away."""
     one = np.random.default_rng(0).normal(size=(FRAMES, 2, 13))
     end = (FRAMES - 1) / 60
     assert values(task, one, one.copy()) == [(0.0, "equal to the bit", ""), (end, "end", "")]
@@ -43,6 +44,7 @@ def test_a_pair_of_plays_has_a_distance_and_a_horizon(task):
 
 
 def test_what_was_not_played_has_a_reason(task):
+    """A variant that an engine refuses is skipped; one that fails is an error."""
     one = np.zeros((FRAMES, 1, 13))
     assert values(task, one, Ended("skipped", "no batch"))[0][1:] == ("no batch", "skipped")
     assert values(task, Ended("error", "died"), one)[0][1:] == ("died", "error")
@@ -61,6 +63,7 @@ def test_mujoco_repeats_itself_in_another_process(tmp_path):
 
 
 def test_a_backend_is_compared_with_the_engine(registry):
+    """The row of the second backend has the time for which bodies are within 1 mm of the first one's."""
     recording = registry.played("slide", "mujoco")
     scene = catalogue()["slide"]
     moved = recording.position.copy()

@@ -70,6 +70,7 @@ def test_factors_are_found(played):
 
 
 def test_an_engine_that_cannot_is_skipped(played, shown):
+    """Keep a row with the reason and the others' figures, and print both."""
     frame = played(refuse="dart")
     row = frame[frame.engine == "dart"]
     assert (list(row.verdict), list(row.reason)) == (["skipped"], ["cannot"])

@@ -39,6 +39,7 @@ def rows(*engines: str) -> list[Row]:
 
 
 def test_error_over_tolerance(recordings, known):
+    """What follows the truth has no error; a tolerance more is an error of 1; the remark has both values."""
     right = known.ideal(recordings, SLIP)
     found = known.value("published.error", right, SLIP)
     assert list(found) == [one.name for one in SLIP.published]
@@ -62,6 +63,7 @@ def test_error_relative_to_another_body(recordings, known):
 
 
 def test_reach_of_a_heap(recordings, known):
+    """Grains that all move on by the published run-out have no error; one that rolls on adds none."""
     scene = catalogue()["column_10"]
     (one,) = scene.published
     still = recordings.recording(scene)

@@ -62,6 +62,7 @@ def test_a_fault_breaks_its_relations(fault):
 )
 @pytest.mark.parametrize("relation", RELATIONS)
 def test_changed_scenes_are_valid(name, relation):
+    """Every change of a scene passes the checks of scenes."""
     scene, one = catalogue()[name], RELATIONS[relation]
     if one.applies(scene):
         assert faults(one.change(scene)) == []

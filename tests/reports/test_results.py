@@ -15,6 +15,7 @@ ROW = Row(
 
 
 def test_columns_are_fixed():
+    """The columns are those, in that order, whatever the rows, and with none at all."""
     names = "study scenario engine profile dt seed repeat metric subject body_a body_b value unit low high"
     assert (*names.split(), "limit", "verdict", "basis", "reason", "reason_code", "reproduce") == COLUMNS
     for rows in ([], [ROW], [ROW, ROW]):
@@ -25,6 +26,7 @@ def test_columns_are_fixed():
 
 
 def test_files_hold_the_table(tmp_path):
+    """CSV and parquet read back the rows: every digit, awkward texts, absent numbers."""
     frame = table([ROW, Row("run", "scene", "all", "", float("nan"), "run", verdict="skipped")])
     save(frame, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["results.csv", "results.parquet"]
@@ -42,6 +44,7 @@ def test_files_hold_the_table(tmp_path):
 
 
 def test_an_interrupted_write_leaves_the_old_file(tmp_path):
+    """When writing fails half-way the old file is whole, and no part of the new one is left."""
     path = tmp_path / "kept.txt"
     write_beside(path, lambda part: part.write_text("old"))
 
@@ -78,6 +81,8 @@ def test_an_interval_that_includes_the_limit_decides_nothing(metric, low, value,
 
 
 def test_a_failing_picture_is_named_and_leaves_no_file(tmp_path, capsys):
+    """One line names the file and the reason; nothing half-written stays."""
+
     def draw(path):
         path.write_text("half")
         raise ValueError("no data\nand more")
@@ -98,6 +103,8 @@ def test_an_interruption_is_not_swallowed(tmp_path):
 
 
 def test_a_study_keeps_its_rows_without_a_picture(tmp_path, monkeypatch, capsys):
+    """Rows and manifest of a study are saved although its page and its picture fail."""
+
     def broken(*_):
         raise RuntimeError("no fonts")
 

@@ -50,6 +50,7 @@ def results(quick=False, **fails):
 
 
 def test_every_step_of_every_level_is_played():
+    """All levels at the own step and at STEPS, or three levels at the own step."""
     full, quick = results(), results(quick=True)
     steps = {cell.dt for cell in full.played}
     assert steps == {1 / 60, *STEPS}
@@ -60,11 +61,13 @@ def test_every_step_of_every_level_is_played():
 
 
 def test_the_line_plays_a_cell():
+    """The command names scene, engine, profile and step."""
     cell = hard_cell("hard_wedge_90", "mujoco", "recommended", 1 / 540)
     assert line_of(cell) == "touchstone run hard_wedge_90 --engine mujoco --profile recommended --dt 1/540"
 
 
 def test_survival_ends_at_the_first_failure():
+    """A level counts only if all easier ones survive."""
     found = results(wedge_reference=(45.0, "jitter"))
     wedge = families()["wedge"]
     assert found.survived(wedge, ("reference", "balanced")) == (90.0, "jitter")
@@ -83,6 +86,7 @@ def test_survival_ends_at_the_first_failure():
     ],
 )
 def test_containment_counts_levels_that_only_others_survive(fails, share, verdict):
+    """A family is not contained where an engine survives a level that the reference does not."""
     (row,) = (row for row in rows_of_envelope(results(**fails)) if row.metric == CONTAINED)
     assert (row.value, row.verdict) == (share, verdict)
     assert ("tiles" in row.reason) == (share < 1)
@@ -120,6 +124,7 @@ def test_a_family_without_a_simulated_body_is_marked(shown):
 
 
 def test_tables_and_pictures_show_every_class(shown, tmp_path):
+    """Every class has a look; table, CSV and pictures take all of them."""
     assert set(LOOKS) == {*HARD_CLASSES, ""}
     found = results(tiles_reference=(16.0, "exploded"), wedge_bullet=(1.0, "skipped"))
     frame = table(rows_of_envelope(found))
@@ -134,6 +139,7 @@ def test_tables_and_pictures_show_every_class(shown, tmp_path):
 
 
 def test_a_store_plays_nothing_twice(tmp_path):
+    """A second study takes every cell from the store, with the same figures."""
     cells = [hard_cell("hard_wedge_90", "reference", "balanced", own_step("reference", "balanced"))]
     first = play_all(cells, tmp_path, lambda label, count: None, jobs=1)
     lines = []

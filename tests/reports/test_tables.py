@@ -72,6 +72,7 @@ def row_of(cells, metric, subject=""):
     ],
 )
 def test_the_outlier_is_marked(values, outlier):
+    """The one value that stands apart from the others is marked, if there are four and it does."""
     rows = [
         (k, "overlap.max", value, {"verdict": "" if value == value else "skipped"})
         for k, value in enumerate(values)
@@ -81,6 +82,7 @@ def test_the_outlier_is_marked(values, outlier):
 
 
 def test_cells_show_value_unit_and_verdict():
+    """Values stand in the unit of tables with their marks; what is not measured is a dash."""
     rows = [
         (0, "overlap.max", 1e-3, {"verdict": "pass"}),
         (1, "overlap.max", 0.0123, {"verdict": "known"}),
@@ -126,6 +128,7 @@ def test_what_applies_has_a_row_in_order():
 
 
 def test_only_the_shown_columns_are_shown():
+    """Columns that are not asked for are left out; scenes do not mix."""
     data = frame(*((k, "overlap.max", float(k), {}) for k in range(4)))
     data.loc[3, "scenario"] = "other"
     assert [head[0] for head in grid(data, "scene", {COLUMNS[1]}).heads] == ["dart"]

@@ -65,6 +65,7 @@ def judged(tmp_path):
 
 
 def test_a_sound_engine_passes(resting, judged):
+    """Nothing fails where a ball rests as it should."""
     scenario, sound = resting
     found = judged(scenario, ours=replace(sound, time_frame=sound.time_frame / 10), theirs=sound)
     assert [row for row in found.values() if row.verdict in ("fail", "error", "unjudged")] == []
@@ -94,6 +95,7 @@ def test_an_engine_that_tunnels_fails(lab, resting, judged):
 
 @pytest.mark.parametrize("share", [0.9, 0.0, nan])
 def test_an_engine_that_reports_too_little_impulse_fails(resting, judged, share):
+    """Impulses that do not carry a ball break their audit, and nothing that rests on them is judged."""
     scenario, sound = resting
     contacts = sound.contacts.copy()
     contacts["impulse"] *= share
@@ -119,12 +121,14 @@ OURS = Row("run", "s", "reference", "balanced", 1 / 60, "overlap.max", 1e-7)
     ],
 )
 def test_overlaps_are_compared_where_there_are_two(ours, theirs, said, code):
+    """'No larger' is said of two numbers; without one of them nobody can tell."""
     rows = [replace(OURS, value=v, verdict="error" if v != v else "", reason="boom") for v in (ours, theirs)]
     assert compared(*rows) == (code, said)
     assert compared(None, rows[1])[0] == UNCOMPARED
 
 
 def test_where_nothing_may_touch_there_is_no_overlap():
+    """A metric that does not apply is not one that is missing."""
     apart = replace(OURS, value=nan, verdict="skipped", reason="no two bodies may touch")
     assert compared(apart, apart) == (NO_DEEPER, "no overlap: no two bodies may touch")
 
@@ -149,6 +153,7 @@ def test_a_fast_engine_without_overlap_is_not_judged(resting, judged, monkeypatc
 
 
 def test_a_limit_of_a_metric_that_throws_is_an_error(resting, judged, monkeypatch):
+    """A metric that fails is an error with its reason, never a pass."""
     scenario, sound = resting
     broken = replace(metrics.METRICS["overlap.max"], measure=lambda context: 1 / 0)
     monkeypatch.setitem(metrics.METRICS, "overlap.max", broken)
@@ -195,6 +200,7 @@ def test_impulses_of_a_driven_body_are_audited(pressed, judged):
 
 
 def test_rows_on_unaudited_impulses_are_marked(pressed, judged):
+    """Where an engine poses its driven bodies nothing balances their impulses: rows on them say so."""
     scenario, sound = pressed
     posed = replace(sound, driver_impulse=np.full_like(sound.driver_impulse, np.nan))
     found = judged(scenario, ours=sound, theirs=posed)

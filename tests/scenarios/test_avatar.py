@@ -76,6 +76,7 @@ def test_a_segment_keeps_its_mass_and_inertia_in_every_posture(name: str, person
 
 
 def test_equal_angles_are_mirrored_postures(person) -> None:
+    """Pose the right side as the mirror image of the left one."""
     world = translate(person)
     rng = np.random.default_rng(2)
     names = [joint.name for joint in person.joints]

@@ -61,6 +61,7 @@ def test_a_fault_is_named_with_its_place(case: str) -> None:
 
 
 def test_ends_that_contact_does_not_move_are_refused() -> None:
+    """A child must be simulated, a parent not driven."""
     post = block("post", "steel", (0.1, 0.1, 0.1), position=(5.0, 0.0, 0.0), kind="fixed")
     bodies = (*BASE.bodies, post)
     wrong = replace(SECOND, child="post", parent="link_1")
@@ -118,6 +119,7 @@ def test_trees_and_loops_are_told_apart() -> None:
 
 
 def test_joined_bodies_do_not_touch() -> None:
+    """Bodies of one joint are no pair that may touch; others of the mechanism are."""
     one, two = ball("one", "steel", 0.1, 1.0), ball("two", "steel", 0.1, 1.0, (0.15, 0.0, 0.0))
     scene = replace(catalogue()["hinged_pair"], bodies=(one, two), truths=())
     assert list(scene.touching_pairs()) == []

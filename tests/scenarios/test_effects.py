@@ -32,6 +32,7 @@ def reason(made: Plan, effect: str) -> str:
     ],
 )
 def test_a_ball_over_the_ground(lab: SimpleNamespace, effect: str, needed: dict, not_needed: dict) -> None:
+    """Need an effect where the scene's numbers give it something to do, and only there."""
     bodies = (lab.ground(), lab.ball())
     assert planned(lab.scene(*bodies, **needed)).on(effect)
     assert not planned(lab.scene(*bodies, **not_needed)).on(effect)
@@ -76,6 +77,7 @@ def test_energy_passed_on(lab: SimpleNamespace) -> None:
 
 
 def test_only_pieces_in_reach_are_kept(lab: SimpleNamespace) -> None:
+    """Keep of fixed bodies the pieces that something can come to."""
     near = lab.block("near", (1.0, 1.0, 0.1), (0.0, 0.0, 0.0), "fixed")
     far = lab.block("far", (1.0, 1.0, 0.1), (50.0, 0.0, 0.0), "fixed")
     made = planned(lab.scene(near, far, lab.ball()))
@@ -110,6 +112,7 @@ def test_what_is_asked_for(lab: SimpleNamespace) -> None:
 
 
 def test_a_bound_that_breaks_is_told(lab: SimpleNamespace) -> None:
+    """Name the body that leaves its box."""
     scene = lab.scene(lab.ground(), lab.ball())
     made = planned(scene)
     names = [body.name for body in scene.bodies]

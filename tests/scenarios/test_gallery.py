@@ -85,6 +85,7 @@ def test_every_scene_of_the_gallery_plays_in_it() -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_trackers_ask_nothing_a_person_cannot_do(name: str) -> None:
+    """Stay within joint limits and reach cones in every displayed frame."""
     scenario = catalogue()[name]
     times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
     angle = np.hstack([sample(tracker, times).angle for tracker in scenario.trackers])
@@ -143,6 +144,7 @@ def test_a_person_stands_over_the_floor_and_is_critically_damped() -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_gallery_scenes_start_free_of_overlap(name: str, lab: SimpleNamespace, recordings) -> None:
+    """Begin with no two bodies that may touch in each other."""
     oracle = pytest.importorskip("touchstone.adapters.oracles.overlap")
     scenario = catalogue()[name]
     world = lab.build(scenario)
@@ -197,6 +199,7 @@ def broken(tmp_path, monkeypatch):
     ],
 )
 def test_one_line_names_what_is_broken(broken, text, line):
+    """Name file, line and function; all other scenes can be played."""
     left, lines = broken(text)
     assert left == {"fall"}
     assert lines[0].startswith(line)
@@ -223,6 +226,7 @@ def test_what_is_covered():
 
 @pytest.mark.parametrize("name", COVERED)
 def test_ends_are_those_of_the_truth(name):
+    """End where the scene's truth ends."""
     scenario = catalogue()[name]
     ends = final_positions(scenario)
     for k, truth in enumerate(scenario.truths):

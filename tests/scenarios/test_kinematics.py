@@ -53,6 +53,7 @@ def test_poses_and_inertia_are_pinocchios(name: str) -> None:
     ids=lambda shape: type(shape).__name__,
 )
 def test_boxes_touch_their_pieces(shape: Shape) -> None:
+    """Hold a turned piece as tightly as points on its surface tell."""
     own, body = Rotation.random(2, random_state=3)
     piece = Piece("piece", shape, (0.3, -0.2, 0.1), tuple(own.as_quat(scalar_first=True)))
     place = np.array([1.0, 2.0, 3.0])

@@ -455,6 +455,7 @@ def faulty(**fields: object) -> str:
 
 
 def test_what_the_law_does_not_cover_is_refused() -> None:
+    """Refuse limits, bodies in no joint and paths whose velocities jump."""
     scene = catalogue()["slider_spring"]
     body, joint = scene.bodies[0], scene.body_joints[0]
     assert "'slider' has limits" in faulty(body_joints=(replace(joint, upper=1.0),))
@@ -467,6 +468,7 @@ def test_what_the_law_does_not_cover_is_refused() -> None:
 
 
 def test_bodies_that_may_touch_are_refused() -> None:
+    """Refuse a motion whose rods come together, with the time."""
     bodies = [rod(f"rod_{k}", (0.3 * k, 0.0, 0.0), (0.3 * k + 0.5, 0.0, 0.1 - k)) for k in range(2)]
     joints = [
         BodyJoint(body.name, "hinge", "", body.name, (0.3 * k, 0.0, 0.0), ACROSS)

@@ -428,6 +428,7 @@ def test_a_wave_passes_from_one_to_another() -> None:
 
 
 def test_quantities_relative_to_another() -> None:
+    """A body does not move relative to one that moves the same way."""
     times = np.linspace(0.0, 8.0, 481)
     for quantity in ("distance", "velocity"):
         one = Published("one", "a", quantity, 0.0, 1.0, "X (2000)", 0.0, 8.0, other="b")  # type: ignore[arg-type]
@@ -450,6 +451,7 @@ FAULTS = [
 
 @pytest.mark.parametrize(("fields", "message"), FAULTS)
 def test_faults_are_named(fields: dict[str, object], message: str) -> None:
+    """A faulty published value is refused with its place."""
     scene = catalogue()["slip"]
     first, *rest = scene.published
     with pytest.raises(ScenarioError, match=re.escape(message)):

@@ -57,6 +57,7 @@ def test_a_heap_starts_apart_and_in_its_box() -> None:
 
 
 def test_inertia_of_solids_by_quadrature() -> None:
+    """Match sums over a fine grid of points."""
     half = np.array([0.3, 0.2, 0.1])
     ticks = (np.arange(60) + 0.5) / 30 - 1
     grid = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -78,6 +79,7 @@ def test_inertia_of_solids_by_quadrature() -> None:
 
 
 def test_tracker_velocities_are_differences() -> None:
+    """Match linear, angular and hinge velocities with central differences; rest at both ends."""
     rng = np.random.default_rng(11)
     times = np.linspace(0, 1, 9)
     turns = Rotation.from_rotvec(np.cumsum(rng.normal(size=(9, 3)) * 0.3, axis=0))
@@ -104,6 +106,7 @@ def test_tracker_velocities_are_differences() -> None:
 
 
 def test_the_catalogue_finds_the_families() -> None:
+    """Find `ball_snip` by name and by tag, in alphabetical order."""
     assert "ball_snip" in catalogue()
     assert list(catalogue()) == sorted(catalogue())
     assert all(name == scenario.name for name, scenario in catalogue().items())
@@ -160,6 +163,7 @@ def test_who_may_touch(lab: SimpleNamespace) -> None:
 
 
 def test_effects_switch_coefficients_off() -> None:
+    """Take restitution, friction and gravity as zero where the effect is off."""
     scenario = catalogue()["ball_snip"]
     ball, table = scenario.body_index("ball"), scenario.body_index("table")
     assert scenario.pair_coefficients(ball, table) == (0.3, 0.3)

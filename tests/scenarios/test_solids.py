@@ -197,6 +197,7 @@ def moments(pieces: tuple[Piece, ...]) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_parts_are_the_whole(name: str) -> None:
+    """Two parts a piece, with the volume and the moments of the whole, and masses as before."""
     scene, cut = catalogue()[name], decomposed(catalogue()[name])
     for whole, parts in zip(scene.bodies, cut.bodies):
         if not is_divisible(whole):

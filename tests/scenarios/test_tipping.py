@@ -81,6 +81,7 @@ def test_it_presses_and_does_not_slip() -> None:
 
 
 def test_landings_keep_the_angular_momentum_about_the_new_edge() -> None:
+    """The impulse acts there."""
     before, after = (played(STARTS[1:] + shift) for shift in (-1e-12, 1e-12))
     edges = 2 * RADIUS * np.sin(HALF_SIDE) * (0.5 + np.arange(1, len(STARTS)))[:, None] * DOWN
     about = [
@@ -91,6 +92,7 @@ def test_landings_keep_the_angular_momentum_about_the_new_edge() -> None:
 
 
 def test_what_the_law_does_not_cover() -> None:
+    """A ball and a slope that is none are refused."""
     ball = catalogue()["ball_off_sphere"].bodies
     for bodies, message in (
         ((SCENE.bodies[0], replace(ball[1], name="prism")), "a body of one hull"),
@@ -184,6 +186,7 @@ ONE = ball("one", "wood", 0.05, 1.0, HERE)
     ids=("ball", "block", "fixed", "hull"),
 )
 def test_bodies_in_one_place_are_told(lab, other):
+    """Name two bodies with one centre, whatever their shapes, and their place, in one line."""
     expected = (
         "bodies[2].position: 'two' starts where 'one' does: pieces of both have their centre at "
         "(0.3, -0.2, 1) m; move one of them"

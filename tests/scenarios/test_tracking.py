@@ -116,6 +116,7 @@ def test_a_spline_that_leaves_its_keyframes_says_so():
 
 
 def test_no_scene_of_ours_leaves_its_keyframes():
+    """Trackers of the catalogue name the splines that they use, and stay between their keyframes."""
     for scene in catalogue().values():
         for one in scene.trackers:
             assert one.interpolation in ("cubic", "linear") or len(one.times) == 2, scene.name
@@ -189,6 +190,7 @@ def test_samples_are_held_over_a_frame(still: Tracker) -> None:
 
 
 def test_noise_is_the_same_every_time() -> None:
+    """Follow from the scene's seed: equal for equal seeds, different for others and for each tracker."""
     scene = catalogue()["ball_snip"]
     assert noisy(scene) == noisy(scene)
     assert noisy(replace(scene, seed=scene.seed + 1)) != noisy(scene)

@@ -39,6 +39,7 @@ def test_bodies_or_else_trackers_are_moved():
 
 
 def test_a_perturbation_moves_every_simulated_body_by_its_size() -> None:
+    """Move each simulated body by the size in seeded directions, by a rounding too, and nothing else."""
     for scene in SCENES[:6]:
         there = perturbed(scene, 1e-3, 4)
         for one, two in zip(scene.bodies, there.bodies):
@@ -71,6 +72,7 @@ def test_no_order_but_of_all_bodies() -> None:
 
 
 def test_cones_have_no_mirror_image() -> None:
+    """Refuse to mirror an avatar."""
     with pytest.raises(ValueError, match="reach cones"):
         mirrored(catalogue()["wall_push"])
 
@@ -112,6 +114,7 @@ def start(registry: SimpleNamespace, scene: Scenario) -> State:
 
 
 def test_hands_are_mirrored_link_by_link(registry: SimpleNamespace) -> None:
+    """Pose every link of a mirrored hand as the mirror image of its original."""
     seed = next(seed for seed in range(50) if random_scene(seed, "press").joints)
     scene = random_scene(seed, "press")
     own, image = start(registry, scene), start(registry, mirrored(scene))
@@ -134,6 +137,7 @@ def test_groups_hold_each_pair_once(facts):
 
 
 def test_equal_bodies_are_few_groups():
+    """60 balls and a floor: balls with balls, and balls with the floor."""
     balls = [f"ball {k}" for k in range(60)]
     pairs = dict.fromkeys(combinations(balls, 2), (0.5, 0.2))
     pairs |= {("floor", ball): (0.1, 0.3) for ball in balls}

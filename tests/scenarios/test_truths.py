@@ -67,6 +67,7 @@ def test_velocities_are_rates(name: str, body: str) -> None:
     "scenario", [s for s in tagged("isolated") if s.truths and "impact" in s.tags], ids=lambda s: s.name
 )
 def test_collisions_keep_momentum(scenario: Scenario) -> None:
+    """Keep linear and angular momentum through the impact; lose no energy where the scene is conservative."""
     linear, angular, energy = [np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(2)]
     for truth in scenario.truths:
         body = scenario.bodies[scenario.body_index(truth.body)]
@@ -177,6 +178,7 @@ def test_a_free_top_by_integration(name: str, seed: int | None) -> None:
 
 
 def test_flips_are_where_the_middle_rate_is_zero() -> None:
+    """Tell every change of sign of the rate about the middle axis: some seconds apart near its own."""
     scenario = catalogue()["tumble_unstable"]
     reported = flips(scenario, scenario.truths[0])
     assert len(reported) == 2

@@ -40,6 +40,7 @@ from touchstone.scenarios.truths.force_truth import ForceTruth
 
 
 def test_a_sound_scenario_is_accepted() -> None:
+    """Accept the scenario that all the faulty ones differ from."""
     assert Scenario(**sound()).frame_count == 60
 
 
@@ -183,11 +184,13 @@ EXPECTATION = [
 
 @pytest.mark.parametrize(("change", "path", "message"), TOP)
 def test_faults_of_the_scene(change: dict, path: str, message: str) -> None:
+    """Tell what is wrong with the scene as a whole."""
     assert message in faults_of(sound() | change)[path]
 
 
 @pytest.mark.parametrize(("index", "change", "path", "message"), BODY)
 def test_faults_of_a_body(index: int, change: dict, path: str, message: str) -> None:
+    """Tell what is wrong with a body."""
     fields = sound()
     bodies = list(fields["bodies"])
     bodies[index] = replace(bodies[index], **change)
@@ -196,6 +199,7 @@ def test_faults_of_a_body(index: int, change: dict, path: str, message: str) -> 
 
 @pytest.mark.parametrize(("shape", "field", "message"), SHAPE)
 def test_faults_of_a_shape(shape, field: str, message: str) -> None:
+    """Tell what is wrong with a shape."""
     fields = sound()
     ground = replace(fields["bodies"][0], pieces=(Piece("slab", shape),))
     path = "bodies[0].pieces[0].shape" + (f".{field}" if field else "")
@@ -223,12 +227,14 @@ def test_faults_of_the_rest(field: str, change: dict, path: str, message: str) -
 
 
 def test_two_trackers_of_one_body() -> None:
+    """Tell that two trackers pull at one body."""
     fields = sound()
     found = faults_of(fields | {"trackers": fields["trackers"] * 2})
     assert "driven by trackers[0].root and trackers[1].root" in found["bodies[2]"]
 
 
 def test_pieces_of_one_body_have_names_of_their_own() -> None:
+    """Tell a piece's name that is used twice in a body."""
     fields = sound()
     ground = replace(fields["bodies"][0], pieces=fields["bodies"][0].pieces * 2)
     assert (
@@ -237,6 +243,7 @@ def test_pieces_of_one_body_have_names_of_their_own() -> None:
 
 
 def test_all_faults_at_once() -> None:
+    """Tell faults of many kinds in one error."""
     fields = sound()
     ball = replace(fields["bodies"][1], mass=-1.0, orientation=(2.0, 0.0, 0.0, 0.0))
     fields |= {"duration": -1.0, "effects": ("gravty",), "expectations": ()}
@@ -281,6 +288,7 @@ def prescribed() -> dict:
 
 @pytest.mark.parametrize(("change", "path", "message"), PRESCRIBED)
 def test_faults_of_a_prescribed_body(change: dict, path: str, message: str) -> None:
+    """Refuse invalid paths of prescribed bodies, and name the field."""
     fields = prescribed()
     first, deck = fields["trackers"]
     assert message in faults_of(fields | {"trackers": (first, replace(deck, **change))})[path]
@@ -306,6 +314,7 @@ def test_a_prescribed_body_needs_neither_mass_nor_partners() -> None:
 
 
 def test_faults_of_moving_surfaces() -> None:
+    """Accept them on fixed and prescribed bodies; refuse them on others, and what are not three numbers."""
     fields = prescribed()
     for k, body in enumerate(fields["bodies"]):
         moved = replace(body.pieces[0], surface_velocity=(1.0, 0.0, 0.0)) if body.pieces else None
@@ -380,6 +389,7 @@ def with_ball() -> dict:
 
 @pytest.mark.parametrize(("change", "cone", "path", "message"), CHAIN)
 def test_faults_of_a_chain(change: dict, cone: dict, path: str, message: str) -> None:
+    """Name the fault of a chain or of a reach cone in it."""
     fields = with_ball()
     assert Scenario(**fields).chains
     chain = replace(fields["chains"][0], cones=(replace(CONE, **cone),), **change)
@@ -387,6 +397,7 @@ def test_faults_of_a_chain(change: dict, cone: dict, path: str, message: str) ->
 
 
 def test_a_joint_is_in_one_chain() -> None:
+    """Tell a joint that two chains turn."""
     fields = with_ball()
     leg = Chain("leg", ("elbow",))
     found = faults_of(fields | {"chains": (*fields["chains"], leg)})
@@ -411,6 +422,7 @@ def test_a_ball_joint_is_three_hinges_square_to_each_other(joint: int, change: d
 
 
 def test_a_chain_follows_its_trackers_order() -> None:
+    """Tell joints of a chain between which the tracker has others."""
     fields = with_ball()
     arm = replace(fields["trackers"][0], joints=("one", "aside", "two", "elbow"), angles=((0.0,) * 4,) * 2)
     other = replace(fields["bodies"][2], name="other")
@@ -445,6 +457,7 @@ TRUTH = [
 
 @pytest.mark.parametrize(("change", "path", "message"), TRUTH)
 def test_faults_of_a_truth(change: dict, path: str, message: str) -> None:
+    """Name the fault of the motion of a body."""
     truth = replace(Truth("ball", "arcs", (START,)), **change)
     assert message in faults_of(sound() | {"truths": (truth,)})[path]
 

@@ -51,6 +51,7 @@ def each() -> list:
 
 @pytest.mark.parametrize("name", OURS)
 def test_entries_name_abilities(name):
+    """What an entry lacks is an ability, and each ability has a scene."""
     assert set(entry_of_ours(name).lacks) <= set(ABILITIES)
     assert len(set(entry_of_ours(name).lacks)) == len(entry_of_ours(name).lacks)
     assert {asked.scene for asked in ABILITIES.values()} <= set(catalogue())
@@ -58,6 +59,7 @@ def test_entries_name_abilities(name):
 
 @pytest.mark.parametrize("name", each())
 def test_an_engine_refuses_what_it_lacks(name, tmp_path):
+    """It refuses the scenes of these abilities alone."""
     entry = entry_of_ours(registered(name))
     refused = refused_in_child(name, tmp_path) if entry.pins else refused_here(name)
     assert refused == set(entry.lacks)

@@ -66,6 +66,7 @@ def test_a_sound_engine_has_no_fault(faults):
 
 @pytest.mark.parametrize("bug", PLANTED)
 def test_each_planted_bug_is_named(faults, bug):
+    """Each bug is found, and said in words."""
     assert any(re.search(PLANTED[bug], fault) for found, _ in faults(bug) for fault in found)
 
 
@@ -79,6 +80,7 @@ def test_our_adapters_conform(registry, name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 def test_our_engines_conform(name):
+    """The adapters of this project have no fault."""
     if not installed(name):
         pytest.skip(missing_reason(name))
     assert [(report.check, report.faults) for report in check(name) if report.faults] == []
@@ -111,6 +113,7 @@ class Hang(Crash):
 
 @pytest.mark.slow
 def test_a_crash_and_a_hang_end_one_check(monkeypatch, tmp_path):
+    """A check that ends its process or does not answer is named; the others still run."""
     (tmp_path / "crash_engine.py").write_text(CRASH)
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
     monkeypatch.setitem(ENGINES, "crash", Entry("crash_engine:Crash", "crash_engine", {"default": 1 / 240}))
@@ -127,5 +130,6 @@ def test_a_crash_and_a_hang_end_one_check(monkeypatch, tmp_path):
 
 
 def test_an_unknown_profile_is_refused():
+    """The valid profiles are named."""
     with pytest.raises(AdapterError, match="reference: no profile 'best'; valid: balanced, paper, accurate"):
         list(check("reference", "best"))

@@ -108,6 +108,7 @@ def test_inertia_is_compared_with_the_shape(check, inertia, text):
 
 
 def test_a_centre_of_mass_outside_the_shape_is_named(check):
+    """A centre half a metre above the box is 450 mm outside."""
     stated = 'range="-1 1"/><inertial pos="0.2 0 0.5" mass="1" diaginertia="0.0017 0.0142 0.0142"/><site'
     found = [one for one in check(arm(joint=stated)) if one.check == "inertia"]
     assert [one.text for one in found] == ["its centre of mass is 450 mm outside its shapes"]

@@ -46,6 +46,7 @@ def test_a_collada_mesh_is_a_hull_in_metres(tmp_path):
     "text", ["", "<COLLADA/>", TETRAHEDRON.replace("<p>0 2 1 0 1 3 0 3 2 1 2 3</p>", "<p/>")]
 )
 def test_a_mesh_that_holds_nothing_is_refused(tmp_path, text):
+    """File, line, element, and the mesh's name."""
     (tmp_path / "part.dae").write_text(text)
     (tmp_path / "r.urdf").write_text(ROBOT)
     with pytest.raises(RobotError, match=r"r\.urdf:2: mesh: part\.dae: "):

@@ -158,6 +158,7 @@ def test_slides_are_held_and_named(robot):
 
 
 def test_what_mujoco_warns_of_is_a_note(robot, tmp_path, monkeypatch):
+    """A warning of MuJoCo becomes a note, not a log in the current folder."""
     monkeypatch.chdir(tmp_path)
     found = robot(
         '<mujoco><custom><numeric name="n" data="nan"/></custom>'

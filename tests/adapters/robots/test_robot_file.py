@@ -130,6 +130,7 @@ def test_a_missing_hinge_is_found(tmp_path):
 
 
 def test_faults_of_the_reader_have_the_line_of_the_file(tmp_path):
+    """A fault in an element without a name is found by its line, in URDF too."""
     path = tmp_path / "r.urdf"
     path.write_text(urdf(link("base"), link("arm"), "\n\n", joint("a", "base", "arm").replace(
         "<axis", '\n<axis xyz="1 0 0"/><axis'

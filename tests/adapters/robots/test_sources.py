@@ -119,6 +119,7 @@ def test_tendons_of_joints_and_skins_are_noted(load):
     ],
 )
 def test_what_cannot_be_kept_is_refused_by_name(load, text, line):
+    """File, line, element and remedy."""
     with pytest.raises(RobotError) as refused:
         load(text)
     assert str(refused.value).endswith(line)
@@ -148,6 +149,7 @@ def test_a_mesh_as_text_is_read(load, tmp_path):
 
 
 def test_a_number_that_is_not_finite_is_named(load):
+    """In a URDF, with its link and line."""
     with pytest.raises(RobotError, match=r"robot\.urdf:2: link 'a': its mass, inertia or pose is not finite"):
         load(robot(link("a", INERTIAL.replace('ixx="0.01"', 'ixx="inf"'))))
     turning = joint("turns", "a", "b").replace("0 1 0", "0 1.3407807929942597e+154 0")

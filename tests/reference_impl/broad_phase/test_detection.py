@@ -31,6 +31,7 @@ def test_touching_pairs_move_to_the_front(lab: SimpleNamespace) -> None:
 
 
 def test_coefficients_are_those_of_the_pair(lab: SimpleNamespace) -> None:
+    """Look restitution and friction up by both materials, in either order."""
     metal = dataclasses.replace(lab.ball("metal", (0.0, 0.0, 0.05)), material="metal")
     ground = lab.ground()
     coefficients = (

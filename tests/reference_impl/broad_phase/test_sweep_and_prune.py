@@ -103,6 +103,7 @@ def test_pairs_are_all_pairs_frame_after_frame(counts: tuple[int, int, int], see
 
 @pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
 def test_pieces_may_teleport(counts: tuple[int, int, int]) -> None:
+    """Find all pairs when every piece, or one in ten, jumps anywhere."""
     rng = np.random.default_rng(4)
     scene = Scene(rng, counts)
     for share in (1.0, 0.1, 0.1, 1.0):
@@ -140,6 +141,7 @@ def test_huge_beside_tiny(counts: tuple[int, int, int], huge: float) -> None:
 
 
 def test_fixed_pieces_alone_make_no_pair() -> None:
+    """Find nothing, whatever is asked, in a scene that cannot move."""
     for count in (1, SPATIAL_HASH_PIECE_COUNT + 10):
         scene = Scene(np.random.default_rng(7), (count, 0, 0))
         assert scene.check() == 0
@@ -147,6 +149,7 @@ def test_fixed_pieces_alone_make_no_pair() -> None:
 
 @pytest.mark.parametrize("counts", [SIZES["few"], SIZES["many of all"]])
 def test_fixed_pieces_are_sorted_once(counts: tuple[int, int, int]) -> None:
+    """Read the boxes of fixed pieces when they are listed, and never again."""
     scene = Scene(np.random.default_rng(8), counts)
     before = [scene.found(kind) for kind in KINDS]
     for name in ("low", "high"):

@@ -13,6 +13,7 @@ from touchstone.reference_impl.contact.impact import resting_restitution
 
 
 def test_restitution_fades_towards_rest() -> None:
+    """Fade linearly from e at 2 v_rest to 0 at v_rest."""
     approaches = [0.0, 1.0, 1.5, 2.0, 5.0]
     faded = [resting_restitution(0.8, approach, 1.0) for approach in approaches]
     np.testing.assert_allclose(faded, [0, 0, 0.4, 0.8, 0.8])
@@ -21,6 +22,7 @@ def test_restitution_fades_towards_rest() -> None:
 
 @pytest.mark.parametrize("e", [0.3, 0.5, 1.0])
 def test_slow_impacts_bounce(lab: SimpleNamespace, e: float) -> None:
+    """Return e, within 2 %, of an approach at 0.02 m/s."""
     drop = 1e-5
     speed = np.sqrt(0.02**2 - 2 * 9.81 * drop)
     ball = lab.ball("ball", (0.0, 0.0, 0.05 + drop), linear_velocity=(0.0, 0.0, -speed))

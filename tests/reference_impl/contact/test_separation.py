@@ -16,6 +16,7 @@ RADIUS = 0.05
 
 
 def test_simulated_bodies_part_by_halves(lab: SimpleNamespace) -> None:
+    """Part two sunken balls by half each, and lift one out of the ground, to the depth left to all."""
     one, two = lab.ball("one", (0.0, 0.0, 1.0)), lab.ball("two", (0.08, 0.0, 1.0))
     low = lab.ball("low", (1.0, 0.0, 0.04))
     world = lab.build(lab.scene(one, two, low, lab.ground()))

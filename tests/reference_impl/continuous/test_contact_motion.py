@@ -174,6 +174,7 @@ def pair_after(world, pair, time: float) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("case", CASES)
 def test_gaps_accelerate_as_finite_differences_say(lab: SimpleNamespace, case: str, seed: int) -> None:
+    """Equal the second difference of the exact distance, along the normal."""
     world = moving_pair(lab, case, seed)
     pair = row_of(world)
     early, now, late = (pair_after(world, pair, t)["distance"] for t in (-STEP, 0.0, STEP))

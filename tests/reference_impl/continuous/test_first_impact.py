@@ -17,6 +17,7 @@ from touchstone.scenarios.scenario import Box, Sphere
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 10.0])
 def test_the_moment_is_the_closed_form(lab: SimpleNamespace, speed: float) -> None:
+    """Find when a falling ball closes its gap, to the slack over its speed."""
     height = 0.004
     world = lab.build(
         lab.scene(lab.ball("ball", (0.0, 0.0, 0.05 + height), linear_velocity=(0, 0, -speed)), lab.ground())

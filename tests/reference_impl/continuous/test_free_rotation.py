@@ -85,6 +85,7 @@ def test_the_rate_is_the_elliptic_functions(omega) -> None:
 
 
 def test_a_symmetric_top_precesses() -> None:
+    """Turn a symmetric top about its axis, and that about the angular momentum, at constant rates."""
     across, along, rate = 0.03, 0.011, np.array([3.0, -4.0, 12.0])
     body, t = top((across, across, along), rate), 0.0
     about_momentum = np.array([across, across, along]) * rate / across
@@ -98,6 +99,7 @@ def test_a_symmetric_top_precesses() -> None:
 
 @pytest.mark.parametrize("axis", range(3))
 def test_a_principal_axis_stays(axis: int) -> None:
+    """Keep the rate to the bit about a principal axis, the middle one included."""
     rate = np.eye(3)[axis] * 7.0
     body = top((0.02, 0.03, 0.04), rate)
     go_on(body, 0.1)
@@ -126,6 +128,7 @@ def tops(draw: st.DrawFn) -> np.void:
 @settings(max_examples=100, deadline=None)
 @given(tops())
 def test_momentum_and_energy_stay(body: np.void) -> None:
+    """Keep the angular momentum and the energy over twenty frames."""
     before = momentum(body)
     energy = before @ body["omega"]
     for _ in range(20):
@@ -155,6 +158,7 @@ def test_a_part_of_the_time_is_a_shorter_time(body: np.void, s: float) -> None:
 @settings(max_examples=60, deadline=None)
 @given(tops())
 def test_the_bounds_hold(body: np.void) -> None:
+    """Bound the rate and its change all along."""
     h, rates = 0.05, []
     rotate_freely(body, h)
     if body["spin_steps"] == 0:

@@ -36,6 +36,7 @@ def hinge() -> tuple[np.ndarray, np.void]:
 
 @pytest.mark.parametrize("frequency", [5.0, 70.0, 3000.0])
 def test_an_offset_obeys_the_servo_with_a_constant_torque(hinge, frequency):
+    """Follow the exact solution at any stiffness."""
     joints, driver = hinge
     driver["hinge_frequency"], torque = frequency, 40.0
     joints["twist"] = joints["shift_twist"] = torque * SUBSTEP

@@ -34,6 +34,7 @@ def flying(rng: np.random.Generator) -> np.void:
 
 
 def test_a_flight_has_the_means_of_its_velocities() -> None:
+    """Go with the mean of the velocities up to a fraction."""
     body, h = flying(np.random.default_rng(5)), 0.7
     flight_motion(body, h)
     start = Rotation.from_quat(body["old_orientation"], scalar_first=True)
@@ -74,6 +75,7 @@ vectors = st.tuples(numbers, numbers, numbers).map(np.array)
 @settings(max_examples=100, deadline=None)
 @given(vectors, vectors, st.sampled_from([0.1, 2.0, 20.0]), vectors, vectors)
 def test_points_bend_no_more_than_their_bound(turn, bend, size, point, n) -> None:
+    """Bound the second difference of a point's height along any direction."""
     body = np.zeros(1, BODY)[0]
     body["moves"], body["old_orientation"] = 1, (1.0, 0.0, 0.0, 0.0)
     body["turn"], body["turn_bend"] = size * turn, size * bend

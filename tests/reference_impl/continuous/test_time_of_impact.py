@@ -52,6 +52,7 @@ def test_a_fast_rod_hits_a_peg(spin: float) -> None:
 
 
 def test_nothing_moves() -> None:
+    """Report no impact without motion, at once."""
     scene = Scene(Box((1.0, 1.0, 1.0)), Ellipsoid((0.3, 0.2, 0.1))).move(0).move(1, (0, 0, 1.2))
     assert scene.impact() == (1.0, 1, True)
 
@@ -73,6 +74,7 @@ def test_a_pair_in_contact(height: float) -> None:
 
 
 def test_a_part_of_the_step() -> None:
+    """Search between `start` and `until` alone."""
     scene = Scene(Box((1.0, 1.0, 1.0)), Sphere(0.1)).move(0).move(1, (0, 0, 2.1), (0, 0, -2.0))
     whole, _, _ = scene.impact()
     assert scene.impact(until=0.4)[::2] == (0.4, True)
@@ -191,6 +193,7 @@ def test_never_later_than_dense_sampling(scene: Scene) -> None:
 @settings(max_examples=40, deadline=None)
 @given(st.one_of(scenes(solids), tumbling_scenes(solids)))
 def test_the_gap_of_an_impact_is_that_of_the_minkowski_difference(scene: Scene) -> None:
+    """Leave at the fraction found the gap that the explicit Minkowski difference has."""
     fraction, _, converged = scene.impact()
     assert converged
     if 0 < fraction < 1:
@@ -202,6 +205,7 @@ def test_the_gap_of_an_impact_is_that_of_the_minkowski_difference(scene: Scene) 
 @settings(max_examples=60, deadline=None)
 @given(scenes(), vectors, rotations)
 def test_swapped_or_moved_as_a_whole(scene: Scene, shift: np.ndarray, turned: Rotation) -> None:
+    """Find the same impact with A and B swapped, and with the world moved and turned."""
     fraction, _, _ = scene.impact()
     scene.pairs[["piece_a", "piece_b", "body_a", "body_b"]] = (1, 0, 1, 0)
     swapped, _, _ = scene.impact()
@@ -224,6 +228,7 @@ def test_swapped_or_moved_as_a_whole(scene: Scene, shift: np.ndarray, turned: Ro
 @settings(max_examples=60, deadline=None)
 @given(any_scenes)
 def test_a_swept_box_holds_the_whole_motion(scene: Scene) -> None:
+    """Keep the piece inside its swept box all along, to rounding."""
     for k in range(2):
         row, body = scene.pieces[k], scene.bodies[k]
         swept_box(row, body, scene.vertices, 0.0)

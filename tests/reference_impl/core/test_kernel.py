@@ -147,6 +147,7 @@ def test_an_edit_between_imports_stays_out_of_the_cache(package: dict[str, str])
 
 
 def test_a_named_kernel_is_called_after_a_load(named: dict[str, str]) -> None:
+    """Call a kernel by its symbol in the process that compiled it, and in one that loaded its caller."""
     first = run(CALL + COUNT + ";" + SYMBOLS, **named).split()
     assert first[:2] == ["2.0", "3"]
     assert [symbol.rpartition(".")[0] for symbol in first[2:]] == ["touchstone.reference_impl.inner.inner"]
@@ -154,6 +155,7 @@ def test_a_named_kernel_is_called_after_a_load(named: dict[str, str]) -> None:
 
 
 def test_an_edited_named_kernel_reaches_its_callers(named: dict[str, str]) -> None:
+    """Call the edited kernel, not the one that the cache holds."""
     assert run(CALL, **named).split() == ["2.0"]
     inner = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
     inner.write_text(INNER.replace("1.0", "100.0"))
@@ -161,6 +163,7 @@ def test_an_edited_named_kernel_reaches_its_callers(named: dict[str, str]) -> No
 
 
 def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
+    """Compile a kernel that calls itself, called by another kernel."""
     inner = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
     inner.write_text(INNER.replace("return x", "if x < 3.0:\n        return inner(x + 1.0)\n    return x"))
     for _ in range(2):
@@ -168,6 +171,7 @@ def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
 
 
 def test_every_signature_has_its_symbol(named: dict[str, str]) -> None:
+    """Give a kernel a name of its own for every signature, the same in every process."""
     middle = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "middle.py"
     middle.write_text(middle.read_text().replace("inner(x)", "inner(x) + inner(int(x))"))
     first = run(CALL + SYMBOLS, **named).split()
@@ -246,6 +250,7 @@ shutil.disk_usage = lambda path: usage(path)._replace(free=free.get(Path(path).p
 
 
 def test_a_full_disk_falls_back(package: dict[str, str], tmp_path: Path) -> None:
+    """Take the next folder where space is less than the kernels need, and none where all disks are full."""
     environment = {**package, "XDG_CACHE_HOME": str(tmp_path / "home")}
     ask = CALL + FOLDER + "; from touchstone.reference_impl.core import kernel_cache as c; print(c.REJECTED)"
     first, second = str(tmp_path / "cache"), str(tmp_path / "home" / "touchstone")
@@ -308,11 +313,13 @@ def test_kernels_are_linked_plainly_without_a_part(named: dict[str, str]) -> Non
 
 
 def test_kernels_run_uncompiled(named: dict[str, str]) -> None:
+    """Leave the naming of kernels out where nothing is compiled."""
     code = CALL + "import sys; print('touchstone.reference_impl.core.kernel_linking' in sys.modules)"
     assert run(code, NUMBA_DISABLE_JIT="1", **named).split() == ["2.0", "False"]
 
 
 def test_constants_and_numbers_share_a_signature(package: dict[str, str]) -> None:
+    """Compile a kernel once for the constants that callers hand to it."""
     outer = Path(package["PYTHONPATH"]) / "touchstone" / "reference_impl" / "outer.py"
     outer.write_text(OUTER.replace("return inner(x)", "return inner(1) + inner(2) + inner(int(x))"))
     counted = "print(*(len(k.signatures) for k in kernel.KERNELS if k.py_func.__name__ == 'inner'))"
@@ -334,6 +341,7 @@ def test_an_unwritable_cache_falls_back(package: dict[str, str], tmp_path: Path)
 
 
 def test_the_cache_is_keyed_by_source(tmp_path: Path) -> None:
+    """Change the key with any source's name or text."""
     keys = set()
     for name, text in (("a.py", "x = 1"), ("a.py", "x = 2"), ("b.py", "x = 2"), ("b.py", "x = '2'")):
         for old in tmp_path.glob("*.py"):
@@ -357,11 +365,13 @@ def test_comments_and_docstrings_are_no_part_of_the_key(tmp_path: Path) -> None:
 
 
 def test_a_source_with_a_syntax_error_has_a_key(tmp_path: Path) -> None:
+    """Find a key while a source that may not be imported is edited."""
     (tmp_path / "a.py").write_text("def f(:\n")
     assert source_key(tmp_path)
 
 
 def test_old_cache_folders_are_removed(tmp_path: Path) -> None:
+    """Keep the folders that were used last."""
     for age in range(5):
         folder = tmp_path / f"folder_{age}"
         folder.mkdir()

@@ -20,6 +20,7 @@ ANGLES = [0.0, 1e-12, 1e-8, 1e-4, 1.0, 3.0, np.pi - 1e-9, np.pi]
 @pytest.mark.parametrize("angle", ANGLES)
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (-0.6, 0, 0.8), (2 / 3, -1 / 3, 2 / 3)])
 def test_quaternion_and_matrix_are_inverse(angle: float, axis) -> None:
+    """Return from matrix to quaternion on every branch, up to sign."""
     turned = Rotation.from_rotvec(angle * np.array(axis))
     q, matrix, back = turned.as_quat(scalar_first=True), np.zeros((3, 3)), np.zeros(4)
     matrix_of(q, matrix)
@@ -30,6 +31,7 @@ def test_quaternion_and_matrix_are_inverse(angle: float, axis) -> None:
 
 @pytest.mark.parametrize("angle", ANGLES[:-1])
 def test_turn_and_rotation_between_are_inverse(angle: float) -> None:
+    """Recover the rotation vector that turned a quaternion, whatever the sign of either."""
     start = Rotation.from_rotvec([0.3, -2.0, 0.7])
     vector = angle * np.array([2.0, -1.0, 2.0]) / 3
     p, q, found = start.as_quat(scalar_first=True), np.zeros(4), np.zeros(3)
@@ -43,6 +45,7 @@ def test_turn_and_rotation_between_are_inverse(angle: float) -> None:
 
 
 def test_inverse_of_an_inertia() -> None:
+    """Invert symmetric positive definite matrices."""
     rng = np.random.default_rng(3)
     for _ in range(20):
         root, inverse = rng.normal(size=(3, 3)), np.zeros((3, 3))

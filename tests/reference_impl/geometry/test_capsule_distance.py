@@ -111,6 +111,7 @@ def test_any_two_capsules(lab: SimpleNamespace, center, tilt: float, half: float
 
 
 def test_random_capsules_and_boxes_equal_the_explicit_difference(lab: SimpleNamespace) -> None:
+    """Agree with the Minkowski difference of the core's ends and the box's corners, less the radius."""
     rng = np.random.default_rng(7)
     inside = 0
     for _ in range(200):

@@ -26,6 +26,7 @@ def test_a_lying_capsule_touches_at_the_ends_of_its_side(lab: SimpleNamespace, t
 
 
 def test_a_standing_capsule_touches_at_its_end(lab: SimpleNamespace) -> None:
+    """Give one point under the axis."""
     rows = rows_of(lab, table(lab), capsule((0.1, 0.02, 0.2 + GAP), (1.0, 0.0, 0.0, 0.0)))
     assert_points(rows, [(0.1, 0.02)])
 
@@ -50,6 +51,7 @@ def test_capsules_side_by_side_touch_at_the_ends_of_the_length_they_share(lab, t
 
 @pytest.mark.parametrize(("tilt", "count"), [(0.0, 2), (1e-6, 2), (1e-4, 1), (0.5, 1)])
 def test_crossing_capsules_touch_in_one_point(lab: SimpleNamespace, tilt: float, count: int) -> None:
+    """Give one point unless both ends are near enough to touch."""
     crossing = quaternion(0.0, np.pi / 2 + tilt, 0.0)
     other = replace(capsule((0.0, 0.0, 0.1 + GAP + 0.15 * np.sin(tilt)), crossing), name="other")
     assert len(rows_of(lab, capsule((0.0, 0.0, 0.0)), other)) == count

@@ -20,12 +20,14 @@ from touchstone.scenarios.solids import box_inertia, hull
 
 
 def test_aligned_faces_touch_at_the_corners(lab: SimpleNamespace) -> None:
+    """Give the four corners of a box on a table, and of one on an equal one."""
     square = [(x, y) for x in (-0.1, 0.1) for y in (-0.08, 0.08)]
     assert_points(rows_of(lab, table(lab), on_table(lab, HALF)), square)
     assert_points(rows_of(lab, table(lab, HALF), on_table(lab, HALF)), square)
 
 
 def test_shifted_faces_touch_where_they_overlap(lab: SimpleNamespace) -> None:
+    """Give the corners of the rectangle that both faces cover."""
     rows = rows_of(lab, table(lab, HALF), on_table(lab, HALF, (0.15, -0.03)))
     assert_points(rows, [(x, y) for x in (0.05, 0.1) for y in (-0.08, 0.05)])
 
@@ -56,6 +58,7 @@ def test_a_face_turned_by_45_degrees(lab: SimpleNamespace) -> None:
 
 
 def test_an_edge_on_a_face_touches_at_its_ends(lab: SimpleNamespace) -> None:
+    """Give both ends of an edge, cut off where the face ends."""
     turn = (np.pi / 4, 0.0, 0.0)
     assert_points(rows_of(lab, table(lab), on_table(lab, HALF, turn=turn)), edge(-0.1, 0.1))
     assert_points(rows_of(lab, table(lab), on_table(lab, HALF, (0.45, 0.0), turn)), edge(0.35, 0.5))
@@ -68,6 +71,7 @@ def edge(start: float, end: float) -> list:
 
 
 def test_a_corner_on_a_face_is_one_point(lab: SimpleNamespace) -> None:
+    """Give the corner alone, and the face's own normal."""
     turn = Rotation.from_rotvec((0.4, 0.3, 0.2))
     rows = rows_of(lab, table(lab), on_table(lab, HALF, turn=turn.as_rotvec()))
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -155,6 +159,7 @@ def test_balls_and_full_lists_keep_the_witness(lab: SimpleNamespace) -> None:
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(x=st.floats(-0.12, 0.12), y=st.floats(-0.12, 0.12), yaw=st.floats(-3, 3), depth=st.floats(-1e-3, 5e-7))
 def test_points_lie_on_both_faces(lab: SimpleNamespace, x: float, y: float, yaw: float, depth: float) -> None:
+    """Put every point inside both faces, at the pair's distance."""
     low = table(lab, HALF)
     box = on_table(lab, HALF, (x, y), (0.0, 0.0, yaw))
     box = replace(box, position=(x, y, HALF[2] + depth))

@@ -120,6 +120,7 @@ COUNTEREXAMPLES = {
 
 @pytest.mark.parametrize("name", COUNTEREXAMPLES)
 def test_counterexamples(lab: SimpleNamespace, name: str) -> None:
+    """Keep right what was once wrong."""
     (half_a, half_b, shift), quaternion = COUNTEREXAMPLES[name]
     turn = Rotation.from_quat(quaternion, scalar_first=True)
     found = lab.measure(*parallel_boxes(lab, half_a, half_b, np.array(shift), turn, False))
@@ -138,6 +139,7 @@ def test_a_tiny_box_in_an_edge(lab: SimpleNamespace) -> None:
 
 
 def test_a_pose_that_is_no_number_is_told(lab: SimpleNamespace) -> None:
+    """Answer in finite numbers that nothing converged where a pose is not finite."""
     for bad in (np.nan, np.inf):
         for shapes in ((Box((1.0, 1.0, 1.0)), Sphere(1.0)), (Hull(elliptic_hull((1.0, 0.5, 0.5))),) * 2):
             found = lab.measure(lab.piece(shapes[0]), lab.piece(shapes[1], (bad, 0.0, 0.0)))

@@ -61,6 +61,7 @@ def test_a_cap_over_an_edge_touches_where_its_rim_crosses_it(lab, over: float) -
 
 
 def test_a_block_on_a_cap_touches_at_its_corners(lab: SimpleNamespace) -> None:
+    """Give the corners of a face that lies within the cap."""
     block = lab.block("block", (0.03, 0.02, 0.01), (0.0, 0.0, HALF + 0.01 + GAP))
     found = points(rows_of(lab, drum((0.0, 0.0, 0.0)), block))
     np.testing.assert_allclose(np.abs(found[:, :2]), [(0.03, 0.02)] * 4, atol=ROUNDING)
@@ -84,6 +85,7 @@ def test_caps_on_each_other_touch_in_what_they_share(lab: SimpleNamespace, shift
 
 
 def test_a_lying_cylinder_touches_at_the_ends_of_its_side(lab: SimpleNamespace) -> None:
+    """Give both ends of the side, cut off where the table ends."""
     for x, ends in ((0.1, (0.06, 0.14)), (0.49, (0.45, 0.5))):
         rows = rows_of(lab, table(lab), drum((x, 0.02, RADIUS + GAP), LYING))
         found = points(rows)
@@ -94,6 +96,7 @@ def test_a_lying_cylinder_touches_at_the_ends_of_its_side(lab: SimpleNamespace) 
 
 @pytest.mark.parametrize("tilt", [0.01, 0.5, 1.2])
 def test_a_tilted_cylinder_touches_in_one_point_of_its_rim(lab: SimpleNamespace, tilt: float) -> None:
+    """Give the lowest point of the rim, as a contact that is no manifold."""
     height = RADIUS * np.sin(tilt) + HALF * np.cos(tilt)
     rows = rows_of(lab, table(lab), drum((0.1, 0.02, height + GAP), quaternion(0.0, tilt, 0.0)))
     assert rows["manifold"].tolist() == [-1]
@@ -116,6 +119,7 @@ def test_sides_along_each_other_touch_in_two_points(lab: SimpleNamespace, other:
 
 
 def test_crossed_cylinders_touch_in_one_point(lab: SimpleNamespace) -> None:
+    """Give the point over which both axes cross."""
     crossing = quaternion(np.pi / 2, 0.0, 0.0)
     rows = rows_of(lab, drum((0.0, 0.0, 0.0), LYING), drum((0.01, 0.02, 2 * RADIUS + GAP), crossing, "other"))
     np.testing.assert_allclose(points(rows)[:, :2], [(0.01, 0.0)], atol=1e-6)
@@ -129,6 +133,7 @@ def test_crossed_cylinders_touch_in_one_point(lab: SimpleNamespace) -> None:
     apart=st.floats(0.2, 2.0),
 )
 def test_no_point_is_deeper_than_the_pieces(lab: SimpleNamespace, other, turns, toward, apart) -> None:
+    """Give no point that overlaps by more than the pieces do, along any normal, whatever touches what."""
     place = (tuple(apart * RADIUS * np.array(toward) / np.linalg.norm(toward)), quaternion(*turns[3:]))
     first = drum((0.0, 0.0, 0.0), quaternion(*turns[:3]))
     second = (

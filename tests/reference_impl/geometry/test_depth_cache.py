@@ -59,6 +59,7 @@ def test_more_pairs_than_the_memory_holds() -> None:
 
 @pytest.mark.parametrize("depth", [conventions.DEPTH_WALK, conventions.DEPTH_CERTIFIED])
 def test_a_scene_is_detected_alike(depth: int) -> None:
+    """Find the same touching pairs and distances as exact depth in every frame of a flick."""
     world = translate(catalogue()["ball_snip"])
     world.state["dt"], world.state["gravity"] = 1 / 60, (0.0, 0.0, -9.81)
     prepare(*world)

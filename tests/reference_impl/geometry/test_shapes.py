@@ -104,6 +104,7 @@ def test_support_names_its_corner(lab: SimpleNamespace, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["cylinder", "ellipsoid"])
 def test_support_without_a_direction_is_finite(lab: SimpleNamespace, name: str) -> None:
+    """Give a finite point along the zero vector."""
     world, _ = placed(lab, SHAPES[name], 0.0)
     assert np.isfinite(local_support(world.pieces[0], world.vertices, 0.0, 0.0, 0.0)).all()
 
@@ -160,6 +161,7 @@ def test_the_table_finds_the_farthest_of_all_vertices(name: str) -> None:
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_the_table_holds_at_any_scale(scale: float) -> None:
+    """Give the same vertex of a hull and a direction of any size."""
     points = CLOUDS["ball 162"]
     shape = Hull(tuple(map(tuple, (points * scale).tolist())))
     pieces, vertices = piece_arrays([(0, Piece("hull", shape))])

@@ -109,6 +109,7 @@ def test_the_nearest_direction_is_found_by_dense_sampling(ball) -> None:
 
 
 def test_projection_is_idempotent_and_keeps_what_is_inside(ball) -> None:
+    """Change nothing inside, and nothing the second time."""
     rng = np.random.default_rng(3)
     kept = moved = 0
     for _ in range(500):

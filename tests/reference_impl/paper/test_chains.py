@@ -237,6 +237,7 @@ def test_attraction_keeps_limits_and_reach_cones(lab: SimpleNamespace, wanted: f
 
 
 def test_joints_of_a_hand_take_the_glove_at_once(lab: SimpleNamespace) -> None:
+    """Set hinges in no chain to the tracker's angle and rate."""
     world, first, last = aimed(lab, 0.3)
     world.joints["chain"], world.joints["target_rate"][first : last + 1] = -1, 0.7
     attract(world.joints, world.drivers[0], 1 / 60)

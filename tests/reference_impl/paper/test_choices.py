@@ -64,6 +64,7 @@ def printed(*names: str) -> str:
 
 
 def test_rows_say_what_is_measured() -> None:
+    """Print two rows as they stand on the page."""
     found = printed("tracker", "spin").splitlines()
     assert len(found) == 2
     for row in found:
@@ -72,4 +73,5 @@ def test_rows_say_what_is_measured() -> None:
 
 @pytest.mark.slow
 def test_the_table_says_what_is_measured() -> None:
+    """Print the whole table as it stands on the page."""
     assert printed() in PAGE

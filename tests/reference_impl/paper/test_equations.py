@@ -121,6 +121,7 @@ def coupled_driver(**fields: object) -> np.void:
 
 
 def test_eq_6_has_no_lag_behind_a_steady_tracker() -> None:
+    """Stay on a tracker that moves and turns steadily, at its speed."""
     h, v, w = 1 / 60, (1.0, -2.0, 0.5), 3.0
     driver = coupled_driver(target_position=np.multiply(h, v), target_orientation=turned(w * h))
     driver["velocity"], driver["omega"] = v, (w, 0.0, 0.0)
@@ -177,4 +178,5 @@ def test_eq_10_friction(seed: int) -> None:
 
 
 def test_eq_10_has_no_direction_without_sliding() -> None:
+    """No friction where nothing slides."""
     assert friction_impulse((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), 1.0, 0.5) == (0.0, 0.0, 0.0)

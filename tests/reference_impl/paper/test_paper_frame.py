@@ -83,6 +83,7 @@ def test_only_the_driven_object_leaves_a_fixed_one(lab: SimpleNamespace) -> None
 
 
 def test_driven_objects_move_half_each(lab: SimpleNamespace) -> None:
+    """Part two driven balls by half of their depth each."""
     world = driven_world(lab, [(-0.2, 0.0, 0.0), (0.2, 0.0, 0.0)])
     place(world, (-0.04, 0.0, 0.0), (0.04, 0.0, 0.0))
     play(world, 1)
@@ -90,6 +91,7 @@ def test_driven_objects_move_half_each(lab: SimpleNamespace) -> None:
 
 
 def test_simulated_objects_move_half_each(lab: SimpleNamespace) -> None:
+    """Part two simulated balls, light and heavy, by half of their depth each."""
     balls = (lab.ball("one", (-0.2, 0.0, 0.0), mass=0.01), lab.ball("two", (0.2, 0.0, 0.0)))
     world = build(lab.scene(*balls))
     for row, x in zip(world.bodies, (-0.04, 0.04)):
@@ -100,6 +102,7 @@ def test_simulated_objects_move_half_each(lab: SimpleNamespace) -> None:
 
 
 def test_the_driven_object_leaves_a_simulated_one(lab: SimpleNamespace) -> None:
+    """Move the driven ball alone out of a simulated one."""
     world = driven_world(lab, [(-0.3, 0.0, 0.0)], lab.ball("ball", (0.0, 0.0, 0.0)), gravity=(0.0, 0.0, 0.0))
     place(world, (-0.08, 0.0, 0.0))
     before = simulated(world)["position"].copy()

@@ -218,6 +218,7 @@ def test_attraction_closes_the_gap_as_fast_as_a_lag() -> None:
 
 
 def test_velocities_lead_from_frame_to_frame(lab: SimpleNamespace) -> None:
+    """Give links the velocities, and hinges the rates, by which they came to where they are."""
     scenario = wall_push(lab, "right")
     recording = played(scenario)
     links = len(BODIES)
@@ -252,6 +253,7 @@ def test_a_struck_ball_moves_the_body_no_farther_than_its_momentum(lab: SimpleNa
 
 @pytest.mark.parametrize("profile", COLUMNS)
 def test_a_tracker_may_start_in_a_wall(lab: SimpleNamespace, profile: str) -> None:
+    """Come out of a wall that the tracker starts in, by the first frame."""
     arm = posture(right_shoulder=lifted("right"), right_elbow=0.3)
     wall = lab.block("wall", (0.5, 3.0, 3.0), (1.1, 0.0, 0.0), kind="fixed")
     scenario = walking(wall, times=(0.0, 0.2), ways=(0.0, 0.0), angles=(arm,) * 2)

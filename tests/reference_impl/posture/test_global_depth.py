@@ -46,6 +46,7 @@ def test_depths_are_weighed_by_themselves(contacts, wanted) -> None:
 
 
 def test_a_driver_moves_with_all_its_links() -> None:
+    """Count the pairs of every link when the mover is a driver."""
     deepest, _, shift = shift_of([(0, 1, -0.02, (0, 1, 0))], mover=Mover(MOVER_DRIVER, 3), driver=3)
     assert deepest == 0.02
     np.testing.assert_allclose(shift, (0, 0.02, 0), rtol=1e-15)

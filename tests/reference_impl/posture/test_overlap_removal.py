@@ -163,6 +163,7 @@ def test_opposing_depths_take_the_way_back(lab: SimpleNamespace, profile: str) -
 
 @pytest.mark.parametrize("profile", TRANSLATIONS)
 def test_no_free_pose_gives_up_where_it_stood(lab: SimpleNamespace, profile: str) -> None:
+    """Report giving up, and keep the pose at entry, when there never was a free pose."""
     start = (0.005, -0.5, 0.0)
     world = driven_world(lab, start, *walls(lab, 2 * RADIUS - 0.03), profile=profile)
     assert world.drivers[0]["has_free"] == 0
@@ -202,6 +203,7 @@ def test_the_far_side_of_an_obstacle_is_no_way_out(lab: SimpleNamespace, profile
 
 
 def test_only_the_velocity_into_the_obstacle_stops(lab: SimpleNamespace) -> None:
+    """Take out the downward velocity over the ground and leave the rest."""
     world = driven_world(lab, (0.0, 0.0, 0.2), lab.ground())
     world.drivers[0]["position"] = (0.0, 0.0, 0.04)
     world.drivers[0]["velocity"] = (1.0, 2.0, -3.0)
@@ -223,6 +225,7 @@ def test_two_drivers_share_the_velocity_of_approach(lab: SimpleNamespace) -> Non
 
 @pytest.mark.parametrize("profile", TRANSLATIONS)
 def test_two_drivers_part_by_halves(lab: SimpleNamespace, profile: str) -> None:
+    """Part two driven balls that overlap by 2 cm: 1 cm each, at once."""
     world = driven_balls(lab, ((-0.1, 0.0, 0.0), (0.1, 0.0, 0.0)), profile=profile)
     world.drivers["position"][:, 0] = (-0.04, 0.04)
     assert remove(world)

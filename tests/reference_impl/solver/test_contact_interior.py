@@ -64,6 +64,7 @@ def test_a_start_near_the_solution_saves_steps() -> None:
 
 
 def test_the_answer_does_not_depend_on_the_order_of_rows() -> None:
+    """Solve an island with its rows in reverse: the same velocities, to the target."""
     state, other = loaded(OPEN, "heap_d"), loaded(OPEN, "heap_d")
     count, movers = int(state[0]["solver"]["row_count"]), int(state[0]["solver"]["mover_count"])
     other[0]["solver"]["rows"][:count] = other[0]["solver"]["rows"][:count][::-1].copy()

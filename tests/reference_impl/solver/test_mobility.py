@@ -73,6 +73,7 @@ def test_a_link_has_the_mass_of_its_hand(world) -> None:
 
 
 def test_an_impulse_changes_angular_momentum_by_its_moment(world) -> None:
+    """Give the hand and the ball the linear and angular momentum of the impulse."""
     point, impulse = np.array([0.13, 0.02, 0.79]), np.array([0.01, -0.02, 0.03])
     for name, row in (("index_distal", world.drivers[0]), ("ball", world.bodies[index("ball")])):
         center, inverse = row["center"].copy(), row["inverse_inertia"].copy()

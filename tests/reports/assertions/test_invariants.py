@@ -181,11 +181,13 @@ def bare(scenario):
     ],
 )
 def test_what_cannot_be_judged_fails(invariant, make, said):
+    """An assertion that could not be judged fails with the reason; it does not pass."""
     with pytest.raises(ts.InvariantError, match=f"{invariant} could not be judged: .*{said}"):
         check(invariant, make(over_floor()), over_floor())
 
 
 def test_impulses_that_do_not_balance_the_motion_are_not_believed():
+    """The cone is judged only where the reported impulses explain the motion."""
     run = pressed(over_floor(mu=0.5), 0.4)
     doubled = run.contacts.copy()
     doubled["impulse"] *= 2
@@ -195,6 +197,7 @@ def test_impulses_that_do_not_balance_the_motion_are_not_believed():
 
 
 def test_a_limit_of_ones_own_replaces_that_of_the_table():
+    """`limit` loosens or tightens an assertion."""
     run = overlapping(None)
     assert ts.assert_no_overlap(run, limit=4e-3) == pytest.approx(3e-3)
     with pytest.raises(ts.InvariantError, match=re.compile("limit 0.002 m.*as given", re.DOTALL)):
@@ -202,6 +205,7 @@ def test_a_limit_of_ones_own_replaces_that_of_the_table():
 
 
 def test_determinism_is_to_the_bit(registry):
+    """Equal runs pass; one bit of one body in one frame is found."""
     run = registry.played("slip", "reference")
     assert ts.assert_deterministic(run, replace(run, position=run.position.copy())) == 0
     other = run.position.copy()
@@ -217,6 +221,7 @@ def test_determinism_is_to_the_bit(registry):
 
 
 def test_the_order_of_bodies_does_not_matter():
+    """Bodies are compared by name; one that moves otherwise in another order is found."""
     scenario = over_floor()
     reverse = ts.reordered(scenario)
     run = falling(scenario)
@@ -262,6 +267,7 @@ STILL = np.zeros((5, 2, 3))
     ],
 )
 def test_wrong_arrays_are_refused_in_one_line(arguments, said):
+    """Arrays of a wrong shape or value are named, with what was expected."""
     with pytest.raises(ValueError, match=said) as error:
         ts.recording(over_floor(), **arguments)
     assert "\n" not in str(error.value)

@@ -117,6 +117,7 @@ def session(tmp_path):
 
 
 def test_fixtures_markers_and_failures(session, tmp_path: Path):
+    """Tests play each scene on each engine, skip what an engine refuses, and fail in readable words."""
     (tmp_path / "test_mine.py").write_text(TESTS)
     code, reported = session("--strict-markers", "--junit-xml=out.xml", "test_mine.py")
     assert code == 1
@@ -154,6 +155,7 @@ def test_a_later_session_plays_what_has_changed_only(session, tmp_path: Path):
 
 @pytest.mark.parametrize("workers", [pytest.param((), marks=pytest.mark.slow), ("-p", "xdist", "-n", "1")])
 def test_every_test_keeps_its_measured_values(session, tmp_path: Path, workers):
+    """The first test of a session or of a worker has its properties too, also those measured in a fixture."""
     (tmp_path / "test_mine.py").write_text(KEEPING)
     code, reported = session(*workers, "--junit-xml=out.xml", "test_mine.py")
     assert code == 0, reported
@@ -183,6 +185,7 @@ def test_options_of_the_cache(session, tmp_path: Path, option):
     ],
 )
 def test_wrong_options_are_one_line(session, arguments, said):
+    """An unknown tag or engine ends the session with a usage error that names the valid ones."""
     code, reported = session(*arguments)
     assert code == 4
     assert said in reported
@@ -201,6 +204,7 @@ def test_our_invariants_over_ones_engine(session):
 
 
 def test_the_plugin_imports_nothing_heavy():
+    """A session that uses no fixture pays for no import."""
     text = (
         "import sys, touchstone.reports.pytest_plugin;"
         "print([m for m in ('numpy', 'numba', 'pandas', 'coal', 'scipy') if m in sys.modules])"
@@ -228,6 +232,7 @@ def folder(tmp_path):
 
 
 def test_a_damaged_recording_is_played_again(recording, folder):
+    """It is removed, not raised."""
     cache = PlayCache(folder)
     cache.put("a", "done", "", recording[1])
     (folder / "a.npz").write_bytes(recording[1].read_bytes()[:500])
@@ -236,6 +241,7 @@ def test_a_damaged_recording_is_played_again(recording, folder):
 
 
 def test_what_is_used_is_kept_longest(recording, folder):
+    """Beyond its size the cache loses what was not used for the longest time."""
     cache = PlayCache(folder)
     for age, key in enumerate("abc"):
         cache.put(key, "done", "", recording[1])
@@ -286,6 +292,7 @@ def at_rest(kind: str, height: float) -> tuple[Scenario, dict]:
     ],
 )
 def test_overhead(kind, height, invariant):
+    """The fastest of several assertions, each on a new recording."""
     scenario, given = at_rest(kind, height)
     if invariant != "friction_cone":
         del given["contacts"]

@@ -28,6 +28,7 @@ from touchstone.reports.verdict.limits import Limit
 
 @pytest.mark.parametrize("name", BENCHES)
 def test_a_full_folder_is_refused(name: str, tmp_path: Path) -> None:
+    """Keep what is there, before anything is measured."""
     (tmp_path / "mine").touch()
     with pytest.raises(OutputError, match="not an empty folder"):
         load(name).run(tmp_path, quietly)
@@ -47,6 +48,8 @@ def test_an_interrupted_bench_leaves_nothing(name: str, tmp_path: Path) -> None:
 
 
 def test_a_broken_limit_fails_the_command(monkeypatch, touchstone) -> None:
+    """End with exit 1 and the reason where a limit is broken, 0 where it holds."""
+
     row = Row("bench scaling", BROAD_PHASE, "reference", "balanced", nan, "scaling.exponent", 1.0, "1")
     for largest, wanted in ((0.9, 1), (1.1, 0)):
         monkeypatch.setattr(limits, "LIMITS", (Limit("scaling.exponent", largest, "as asked"),))
@@ -78,6 +81,7 @@ def test_exponents_of_power_laws_are_exact() -> None:
 
 
 def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> None:
+    """Time every engine at every size, the reference at more; one that dies is a row with its reason."""
     monkeypatch.setattr("touchstone.reports.bench.scaling.installed", lambda name: name != "mujoco")
     curves = balls_at_rest([2, 4], [6], 2, 3, tmp_path, quietly, fakes[0])
     found = {curve.engine: curve for curve in curves}

@@ -58,6 +58,7 @@ def rows(registry):
 
 
 def test_ratios_are_exact(rows) -> None:
+    """Give the reference over every engine in all statistics, exactly."""
     found = [row for row in rows if row.metric in RATIOS]
     assert {row.metric for row in found} == set(RATIOS)
     for row in found:
@@ -71,6 +72,7 @@ def test_ratios_are_exact(rows) -> None:
 
 
 def test_equal_steps_are_equal(rows) -> None:
+    """Compare `equal-step` only with `equal-step`, where all recordings, the reference's too, have one dt."""
     steps = {f"{row.engine} {row.profile}": row.dt for row in rows if row.metric == "time.frame"}
     ratios = [row for row in rows if row.metric.startswith(RATIO)]
     for row in ratios:
@@ -92,6 +94,7 @@ def test_factors_multiply_to_the_ratio(rows) -> None:
 
 
 def test_only_frames_with_contact_are_judged(registry) -> None:
+    """Take the mean over the frames in which either has a contact; all frames count beside it."""
     takes = taken(registry)
     contact = contact_frames(takes["ball_snip", "reference", "balanced"].first)
     assert 0 < contact.sum() < len(contact)
@@ -241,6 +244,7 @@ def test_overlap_fails_what_aims_at_a_ratio(monkeypatch, shown) -> None:
 
 
 def test_a_failed_column_says_why(registry, shown) -> None:
+    """Show the reason of a column that failed, and all others."""
     takes = taken(registry)
     takes["ball_snip", "mujoco", "recommended"] = Take(
         "mujoco", Settings("recommended", 1 / 540), ended=("missing", "not installed")
@@ -254,6 +258,7 @@ def test_a_failed_column_says_why(registry, shown) -> None:
 
 
 def test_every_restart_is_a_process_in_drawn_order(monkeypatch, tmp_path: Path, registry) -> None:
+    """Start each engine again for each restart, on the last core, in an order that the seed draws."""
     started: list[tuple[str, int | None]] = []
     base = registry.played("ball_snip", "reference")
     reads: list[bool] = []

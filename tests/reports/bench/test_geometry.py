@@ -70,6 +70,7 @@ def test_geometry_has_all_rows(measured) -> None:
 
 
 def test_geometry_skips_what_is_missing(measured, shown) -> None:
+    """Skip a detector that is not installed, once, with the reason; show it."""
     rows = measured[0]
     absent = rows[rows.engine == ABSENT]
     reason = "not installed (pip install no_such_package)"
@@ -78,6 +79,7 @@ def test_geometry_skips_what_is_missing(measured, shown) -> None:
 
 
 def test_geometry_judges_where_a_figure_is_asked(measured) -> None:
+    """Judge one ratio and the certificates by their limits, and nothing else."""
     rows = measured[0]
     judged = rows[rows.limit.notna()]
     assert set(zip(judged.metric, judged.scenario)) == {
@@ -213,6 +215,7 @@ def test_the_hand_slides_near_the_table() -> None:
 
 
 def test_hulls_have_the_vertices_asked_for() -> None:
+    """Give hulls whose vertices are all corners, that touch by 5 mm at first and stay in touch."""
     from scipy.spatial import ConvexHull
 
     for count in (50, 700):
@@ -238,6 +241,7 @@ def test_warm_is_compared_with_warm_alone(truth) -> None:
 
 @pytest.mark.parametrize("moving", [False, True])
 def test_warm_coal_answers_as_cold_coal(truth, moving: bool) -> None:
+    """Give the same distances from the guess of a frame before as from none."""
     chosen = truth.family == MOTION if moving else truth.family != MOTION
     pairs = [truth.pairs[k] for k in np.flatnonzero(chosen)]
     warm = load("coal.warm").follow(pairs, 15) if moving else load("coal.warm").prepare(pairs)

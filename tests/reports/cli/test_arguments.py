@@ -199,6 +199,7 @@ def test_what_never_ends_is_refused(refused, tmp_path, command):
 
 
 def test_an_endless_file_is_refused(refused, tmp_path):
+    """A document of 100 GB is not read."""
     for name in ("old/results.csv", "huge.toml"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / "old" / "results.csv").write_text(",".join(NEEDED) + "\n")
@@ -245,6 +246,7 @@ def commands():
     ("name", "command"), list(commands()), ids=lambda part: part if isinstance(part, str) else ""
 )
 def test_commands_have_the_same_options(name, command):
+    """Every command has all three, but for those whose reason WITHOUT states."""
     has = {option for parameter in command.params for option in parameter.opts}
     assert {"--format", "--out", "--quiet"} - has == WITHOUT.get(name, {}).keys()
 

@@ -25,6 +25,7 @@ SETTINGS = GENERATED.with_name("settings")
 
 
 def test_generated_pages_are_current():
+    """Pages that follow from the code equal those in docs/; else run `touchstone docs`."""
     pictures = {scene.name: f"pictures/{scene.name}.png" for scene in tagged("gallery")}
     pages = {
         "commands.md": reference.commands_page(typer.main.get_command(app)),
@@ -36,6 +37,7 @@ def test_generated_pages_are_current():
 
 
 def test_pages_of_settings_are_current():
+    """The page of every engine that is installed equals that in docs/settings; else run `touchstone docs`."""
     pages = reference.settings_pages(SETTINGS)
     stale = [name for name, text in pages.items() if (SETTINGS / name).read_text() != text]
     assert not stale, "run `touchstone docs`"
@@ -45,6 +47,7 @@ def test_pages_of_settings_are_current():
 
 
 def test_every_setting_has_a_source():
+    """Each setting of an engine with a page has a line with its source; no line is of one that is gone."""
     with open(reference.SOURCES, newline="", encoding="utf-8") as file:
         lines = {(row["engine"], row["setting"]): row["source"] for row in csv.DictReader(file)}
     known = {(engine, name) for engine in reference.MANUALS for name in settings_of(engine)}
@@ -71,6 +74,7 @@ def results(tmp_path):
 
 
 def test_a_page_shows_the_table_and_its_origin(results):
+    """The page of a folder names the command and holds the table as printed, and its pictures."""
     name, text, pictures = page_of(results)
     assert name == "run.md"
     assert "`touchstone run fall`" in text
@@ -82,6 +86,7 @@ def test_a_page_shows_the_table_and_its_origin(results):
 
 @pytest.mark.parametrize("damage", [lambda f: (f / "manifest.json").unlink(), lambda f: f.rename("x"), None])
 def test_a_folder_without_results_is_named(results, damage, tmp_path, monkeypatch):
+    """A folder that is absent, incomplete or without rows is refused by its name."""
     monkeypatch.chdir(tmp_path)
     if damage:
         damage(results)
@@ -132,6 +137,7 @@ def test_an_example_is_accepted(touchstone, monkeypatch, page, line):
 
 @pytest.mark.parametrize(("page", "change"), CHANGES)
 def test_a_named_setting_exists(page, change):
+    """A change that a text names is one of some engine, with values that it takes."""
     key, _, values = change.partition("=")
     for value in values.split(","):
         accepted = []

@@ -21,10 +21,12 @@ def cache(tmp_path, monkeypatch):
 
 
 def test_a_good_cache_is_a_folder(cache):
+    """Name the folder, and nothing else."""
     assert compile_facts()["kernel cache"] == str(cache)
 
 
 def test_damaged_files_are_counted_and_removed(cache):
+    """Say how many files are damaged, and that the next run compiles their kernels."""
     for k, size in enumerate((0, 100)):
         (cache / f"{k}.nbc").write_bytes(os.urandom(size))
     told = f"{cache}; damaged files removed: 2, the next run compiles their kernels again"
@@ -33,6 +35,7 @@ def test_damaged_files_are_counted_and_removed(cache):
 
 
 def test_a_full_disk_is_named(cache, monkeypatch):
+    """Name the folder that was not used, with its reason, and what happens where none is."""
     full = "/full/kernels: 0 MB free, 100 MB needed"
     kernel_cache.REJECTED.append(full)
     assert compile_facts()["kernel cache"] == f"{cache}; not used: {full}"
@@ -41,6 +44,7 @@ def test_a_full_disk_is_named(cache, monkeypatch):
 
 
 def test_files_that_were_not_written_are_told(cache):
+    """Say that other processes compile what could not be written."""
     kernel_cache.UNWRITTEN.append("a.nbc")
     told = f"{cache}; 1 kernels could not be written, they compile in every process"
     assert compile_facts()["kernel cache"] == told

@@ -39,6 +39,7 @@ def hand_over(monkeypatch):
 
 
 def test_lost_samples_are_refused_or_held(touchstone, added, registry, hand_over, tmp_path, left):
+    """Refuse a tracker's sample that is no number, with its path; under `--hold-last` tell how many."""
     recording, good = registry.played("ball_snip", "reference"), catalogue()["ball_snip"]
     glove = good.trackers[0]
 
@@ -145,6 +146,7 @@ def test_verdicts_decide_the_exit_code(verdicts, named, wanted):
 
 
 def test_an_engine_that_cannot_be_imported_is_exit_3(touchstone, monkeypatch, registry):
+    """An engine that is installed but fails to import is a row with its reason; the others finish."""
     said = "cannot be imported: libGL.so.1: no such file"
 
     def play(self, jobs, progress):

@@ -37,6 +37,7 @@ def run(touchstone, registry, tmp_path):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_forged_run_is_refused_or_read(run, tmp_path, way):
+    """`compare`, `tolerances` and `docs` read what is there, or name the file."""
     forge(tmp_path / "run" / "results.parquet", way)
     for command in ("compare other run", "compare run other --all", "tolerances run other", "docs run"):
         assert code_of(run(command)) in SOUND
@@ -44,12 +45,14 @@ def test_a_forged_run_is_refused_or_read(run, tmp_path, way):
 
 @pytest.mark.parametrize("text", JSONS.values(), ids=JSONS)
 def test_a_forged_manifest_is_refused_or_read(run, tmp_path, text):
+    """`docs` reads the manifest."""
     (tmp_path / "run" / "manifest.json").write_text(text)
     assert code_of(run("docs run")) in SOUND
 
 
 @pytest.mark.parametrize("study", ["../x", "run.x", "bench x", "bench ", "effects", "ik", "", "a b", "[/x]"])
 def test_docs_name_a_study_that_they_cannot_show(run, tmp_path, study):
+    """A table of a study that does not exist, or of another study than its rows are of."""
     path = tmp_path / "run" / "results.parquet"
     pd.read_parquet(path).assign(study=study).to_parquet(path, index=False)
     assert code_of(run("docs run")) in SOUND
@@ -66,6 +69,7 @@ SWEEP = "sweep fall --engine reference --profile balanced --jobs 1 --out store"
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_forged_store_of_a_sweep_is_refused_or_read(touchstone, swept, tmp_path, way):
+    """A sweep shows what its store holds, or names the file."""
     if not swept.exists():
         assert touchstone(SWEEP)[0] == 0
         shutil.copytree("store", swept)

@@ -50,6 +50,7 @@ def test_robots_of_a_folder_are_listed_by_result(touchstone, robots, tmp_path):
 
 
 def test_a_scene_that_differs_from_its_file_is_exit_1(touchstone, robots, monkeypatch):
+    """A comparison that fails names its quantities, for one robot and for many."""
     from touchstone.adapters.oracles import robot_file
     from touchstone.reports.studies import robots as study
 
@@ -86,6 +87,7 @@ def test_the_model_card_has_the_file(touchstone, robots):
     ],
 )
 def test_wrong_arguments_are_one_line(refused, robots, command, line):
+    """Each exits with 2, and names what was expected."""
     assert line in refused(command)
 
 

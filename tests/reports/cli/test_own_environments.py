@@ -16,6 +16,7 @@ def only(owned, monkeypatch):
 
 
 def test_an_environment_is_added_listed_and_removed(touchstone, owned):
+    """Each command prints one line; what is there is not installed again, and a broken one is."""
     code, out, _ = touchstone("env list --format csv")
     assert (code, out.splitlines()[1:]) == (0, [f"owned,not added,,{owned.folder}"])
     code, out, err = touchstone("env add owned")
@@ -81,11 +82,13 @@ def test_what_fails_in_an_environment_is_one_line(touchstone, owned, monkeypatch
 
 @pytest.mark.parametrize("command", ["add", "remove"])
 def test_unknown_names_are_one_line(refused, command):
+    """Name the engines that have an environment."""
     said = refused(f"env {command} own")
     assert said == "unknown environment 'own'; did you mean 'owned'? (valid: owned)"
 
 
 def test_what_pip_does_not_find_is_one_line(touchstone, owned, monkeypatch):
+    """No wheel: exit 3, and nothing is left."""
     monkeypatch.setenv("PIP_FIND_LINKS", "")
     code, out, err = touchstone("env add owned")
     assert (code, out) == (3, "")

@@ -20,6 +20,7 @@ RUN = "run ball_snip --engine reference --profile balanced"
 
 
 def test_a_run_writes_a_whole_folder(touchstone, handed_over, tmp_path, left):
+    """A run leaves table, CSV, manifest, report, recordings and outputs, and nothing beside them."""
     code, out, err = touchstone(f"{RUN} --out here/results")
     assert code == 0
     assert left(tmp_path) == ["here"]
@@ -124,12 +125,14 @@ def test_differences_are_shown_again_by_their_commands(touchstone, registry, tmp
 
 
 def test_asking_twice_is_asking_once(touchstone, quick):
+    """Engines, profiles and scenes named twice are played once."""
     again = "ball_snip --engine reference --profile balanced"
     _, out, _ = touchstone(f"{RUN} {again} --metric overlap.max --out r --format json")
     assert len(json.loads(out)) == 1
 
 
 def test_a_long_run_is_refused_unless_it_is_asked_for(touchstone, refused, quick, monkeypatch, tmp_path):
+    """Exit 2, one line and no folder; with --yes it plays."""
     monkeypatch.setattr(request, "LONGEST", -1.0)
     monkeypatch.setattr(request, "FIRST_SECONDS", 0.0)
     play = study.Children.play

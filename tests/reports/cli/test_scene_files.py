@@ -78,6 +78,7 @@ def test_a_file_adds_limits_and_replaces_ours(here, tmp_path):
     ],
 )
 def test_wrong_limits_exit_with_their_line(refused, tmp_path, text, line):
+    """Name file, line and field, and exit with 2 before anything is played."""
     (tmp_path / "l.toml").write_text(text)
     assert line in refused("run fall --limits l.toml")
 
@@ -94,6 +95,7 @@ def test_metrics_by_pattern(here, refused):
 
 
 def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
+    """The JSON of `show` can be shown, with the same bodies; `schema` prints what describes it."""
     _, out, _ = touchstone("show ball_snip --format json")
     (tmp_path / "again.json").write_text(out)
     assert touchstone("show again.json --format json")[1] == out
@@ -113,6 +115,7 @@ def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
     ],
 )
 def test_wrong_files_exit_with_one_line(refused, tmp_path, command, line):
+    """Exit with 2 and the file's name, without a traceback."""
     text = scene_json(catalogue()["fall"])
     (tmp_path / "fall.json").write_text(text)
     (tmp_path / "bad.json").write_text('{"coefficients": [], "bodies": [],\n "duration": "x"}')

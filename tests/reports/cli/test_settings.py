@@ -129,6 +129,7 @@ def test_values_are_valid_and_reach_every_setting(engine):
 
 
 def test_a_neighbour_differs_in_one_thing():
+    """A new candidate has another step, or other changes, and its changes are valid in its profile."""
     space, rng = Space("mujoco", [catalogue()["slide"]]), np.random.default_rng(0)
     start = Candidate("recommended", 1 / 240, ("impratio=3.0",))
     for _ in range(50):
@@ -168,6 +169,7 @@ def test_a_search_prints_what_plays_again(touchstone, mujoco, tmp_path):
 
 @pytest.mark.slow
 def test_the_nearest_is_printed_where_nothing_reaches(touchstone, mujoco):
+    """An unreachable limit is exit 1, with the nearest setting and by how much it misses."""
     code, out, _ = touchstone("tune bounce_e05 --engine mujoco --position 0m --plays 8 --store store")
     assert code == 1
     assert out.startswith("no setting reaches the limits; nearest of ")
@@ -198,6 +200,7 @@ SOFT = 'engine = "mujoco"\nsource = "https://mujoco.org"\nby = "me"\n[settings]\
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_the_files_are_valid(path):
+    """Each names an engine, a profile of it, and settings that change this profile."""
     found = settings_file(path)
     assert found.profile in ENGINES[found.engine].profiles
     texts = [f"{key}={value}" for key, value in found.settings.items()]

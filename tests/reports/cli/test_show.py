@@ -20,6 +20,7 @@ BALL = [{"name": "ball", "shape": {"radius": 0.05}}]
 @pytest.mark.parametrize("form", ["table", "json", "csv"])
 @pytest.mark.parametrize("what", ["scenarios", "engines", "metrics", "profiles"])
 def test_lists_in_every_format(touchstone, monkeypatch, what, form):
+    """Each list names all there is, parses in its format, and writes nothing else."""
     monkeypatch.setenv("COLUMNS", "120")
     code, out, err = touchstone(f"list {what} --format {form}")
     assert (code, err) == (0, "")
@@ -54,6 +55,7 @@ def test_a_missing_engine_is_listed_with_its_hint(monkeypatch, tmp_path, name):
 
 @pytest.mark.parametrize("form", ["table", "json", "csv"])
 def test_show_in_every_format(touchstone, form):
+    """A scene is shown with all its bodies; JSON is the whole scenario."""
     code, out, err = touchstone(f"show ball_snip --format {form}")
     assert (code, err) == (0, "")
     scenario = catalogue()["ball_snip"]

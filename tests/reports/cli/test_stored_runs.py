@@ -37,6 +37,7 @@ def old(touchstone, quick, stored_run, tmp_path):
 
 
 def test_a_run_is_judged_again(old, tmp_path):
+    """Today's verdicts are those of the run; a stricter limit of a file is worse, and exit 1."""
     assert old("judge old --out new --quiet")[0] == 0
     tables = [pd.read_parquet(tmp_path / name / "results.parquet") for name in ("old", "new")]
     columns = ["metric", "subject", "verdict"]
@@ -93,6 +94,7 @@ def test_what_is_gone_fails(old, tmp_path):
 
 @pytest.mark.parametrize("way", list(WAYS)[::6])
 def test_a_forged_recording_exits_with_one_line(refused, registry, tmp_path, way):
+    """Each command that reads recordings exits with 2 and a line that names file and field."""
     path = tmp_path / "forged" / "recordings" / "a.npz"
     path.parent.mkdir(parents=True)
     registry.played("ball_snip", "reference").save(path)
@@ -129,6 +131,7 @@ def hurried(touchstone):
     value=st.sampled_from(EXTREMES),
 )
 def test_an_extreme_number_ends_in_a_verdict_or_one_line(hurried, registry, tmp_path, field, rows, value):
+    """Whatever number a recording holds, commands end soon, and with one line where they refuse it."""
     path = tmp_path / "forged" / "recordings" / "ball_snip-reference-balanced.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / "forged" / "results.csv").write_text(",".join(NEEDED) + "\n")
@@ -225,6 +228,7 @@ WRONG = (
 
 
 def test_wrong_runs_exit_with_one_line(old, refused, tmp_path):
+    """Exit with 2 and what is missing, without a traceback."""
     (tmp_path / "bad" / "recordings").mkdir(parents=True)
     (tmp_path / "bad" / "recordings" / "a.npz").write_bytes(b"nothing")
     frame = pd.read_parquet("old/results.parquet")

@@ -40,6 +40,7 @@ def program(command, stdout=None):
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_signal_ends_a_run_as_ctrl_c_does(tmp_path, left, number, code):
+    """SIGTERM and SIGHUP end a run with one line, the signal's exit code, and no folder left."""
     running = program(f"{RUN} --out '{tmp_path}/r'")
     assert "scene 1 of 1: ball_snip" in running.stderr.readline()
     os.kill(running.pid, number)
@@ -77,6 +78,7 @@ guarded(lambda: app([], standalone_mode=False))
 
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
 def test_an_interrupted_sweep_says_what_is_kept(name, code):
+    """The last line names the store, and the exit code the signal."""
     done = subprocess.run([sys.executable, "-c", KEPT.replace("NAME", name)], capture_output=True, text=True)
     line = "touchstone: interrupted; what was measured is kept in runs/sweep, the same command goes on"
     assert (done.returncode, done.stderr.splitlines()[-1]) == (code, line)
@@ -134,12 +136,14 @@ def test_closed_or_full_streams_are_no_traceback(closed, tmp_path):
 
 @pytest.mark.parametrize("command", ["list scenarios", "show ball_snip --format json"])
 def test_a_reader_that_stops_is_no_error(command):
+    """`| head` is exit 141 in silence."""
     running = program(command, stdout=subprocess.PIPE)
     running.stdout.close()  # as head does after its lines
     assert (running.wait(), running.stderr.read()) == (141, "")
 
 
 def test_an_internal_error_has_its_code_and_a_file(touchstone, monkeypatch, tmp_path):
+    """A fault of the program is exit 70 and one line that names the file of its traceback."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
     def fails(*arguments):
@@ -156,6 +160,8 @@ def test_an_internal_error_has_its_code_and_a_file(touchstone, monkeypatch, tmp_
 
 
 def test_measurements_survive_a_page_that_fails(touchstone, quick, monkeypatch):
+    """Where the report cannot be written, the table and the recordings are kept, and the exit code is 70."""
+
     def fails(request, results):
         raise KeyError("cell")
 
@@ -168,6 +174,7 @@ def test_measurements_survive_a_page_that_fails(touchstone, quick, monkeypatch):
 
 
 def test_one_line_per_scene_off_a_terminal(touchstone, quick):
+    """Progress in a file: a line per scene and not one per engine and command."""
     _, _, err = touchstone(f"{RUN} fall --out r")
     assert err.splitlines()[:2] == ["scene 1 of 2: ball_snip", "scene 2 of 2: fall"]
 

@@ -44,6 +44,7 @@ def parsed(data):
 
 
 def test_a_glb_moves_as_the_recording(registry):
+    """Every body that moves has its positions and orientations at every frame, and every mesh its pieces."""
     recording, scenario = registry.played("slip", "reference"), catalogue()["slip"]
     reported, read = parsed(glb(recording, scenario))
     [animation] = reported["animations"]
@@ -95,6 +96,7 @@ def test_frames_that_are_not_finite_end_the_animation(registry):
 
 
 def test_tables_hold_the_recording(registry):
+    """Bodies, joints and contacts come back by name."""
     recording, scenario = registry.played("ball_snip", "reference"), catalogue()["ball_snip"]
     found = {name: build(recording, scenario) for name, build in TABLES.items()}
     ball = found["bodies"][found["bodies"].body == "ball"]
@@ -139,6 +141,7 @@ def test_export_and_view_from_the_command_line(touchstone, stored, tmp_path):
 
 
 def test_a_browser_that_is_missing_is_told(touchstone, stored, monkeypatch):
+    """The page is written all the same."""
     import webbrowser
 
     asked = []
@@ -167,6 +170,7 @@ def test_a_browser_that_is_missing_is_told(touchstone, stored, monkeypatch):
     ],
 )
 def test_wrong_arguments_are_one_line(refused, stored, command, said):
+    """Exit 2, one line, nothing written."""
     (stored / "broken.npz").write_bytes(b"PK\x03\x04")
     before = sorted(stored.rglob("*"))
     assert said in refused(command.replace("RUN", str(stored)))

@@ -32,6 +32,7 @@ def drop(lab, recordings, known):
 
 @pytest.mark.parametrize("e", [0.5, 0.8, 1.0])
 def test_bounces_have_their_time_and_restitution(drop, known, e):
+    """Every bounce of a ball is found at its time, with its speeds and its restitution."""
     recording, scenario = drop(e)
     found = bounces(Context(recording, scenario), (0, 1))
     impact = (2 * HEIGHT * known.g) ** 0.5
@@ -206,12 +207,14 @@ def test_place_is_where_the_body_was_at_that_time(lab, recordings, known):
 
 @pytest.mark.parametrize("event", ["touch", "roll", "leave", "land", "land.place"])
 def test_events_that_nobody_expects_are_not_measured(lab, recordings, known, event):
+    """A scene without the expectation has no such row, with the reason."""
     scenario = lab.scene(lab.ground(), lab.ball(), duration=0.1)
     with pytest.raises(NotMeasured, match=f"expects no {event.split('.')[0]}"):
         known.value(f"events.{event}", recordings.recording(scenario), scenario)
 
 
 def test_what_meets_and_parts_twice_is_numbered(lab, recordings, known):
+    """A block that comes to the ground and leaves it twice has four events, each in its window."""
     windows = (("meet", 0.0, 0.5), ("part", 0.5, 1.0), ("meet", 1.0, 1.5), ("part", 1.5, 2.0))
     scenario = lab.scene(
         lab.ground(), lab.ball(position=(0.0, 0.0, known.radius)), duration=2.0,
@@ -250,6 +253,7 @@ def test_a_moment_open_is_not_parted(lab, recordings, known, opened, found):
 
 
 def test_what_is_closed_before_does_not_meet(lab, recordings, known):
+    """A ball that lies on the ground neither meets it nor parts."""
     scenario = lab.scene(
         lab.ground(), lab.ball(position=(0.0, 0.0, known.radius)), duration=0.5,
         expectations=tuple(Expectation(event, "ball", "ground", 0.0, 0.5) for event in ("meet", "part")),

@@ -254,5 +254,6 @@ def test_a_box_that_obeys_coulomb_coasts_as_it_should(pushed, coasting, known):
     [({"driven": False}, "no box that a driven body pushed"), ({"turned": 0.5}, "turns or topples")],
 )
 def test_what_does_not_coast_is_not_measured(pushed, coasting, known, fields, reason):
+    """Tell why there is no number: nothing pushed the box, or it turned."""
     with pytest.raises(NotMeasured, match=reason):
         known.value("friction.coast", coasting(**fields), pushed)

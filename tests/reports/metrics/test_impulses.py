@@ -39,6 +39,7 @@ def pressing(recordings, scenario, share=1.0, along=(0.0, 0.0, 0.0)):
 
 @pytest.mark.parametrize(("share", "missed"), [(1.0, 0.0), (0.5, 0.5), (1.2, 0.2), (0.0, 1.0)])
 def test_impulse_balance_of_a_body_at_rest(recordings, known, resting, share, missed):
+    """Impulses that carry a share of the weight miss the motion by the rest of it."""
     found = known.value("contact.impulse_balance", pressing(recordings, resting, share), resting)
     assert found == {"ball": pytest.approx(missed, abs=1e-9)}  # 120 sums
 
@@ -100,6 +101,7 @@ def test_energy_from_nowhere_is_the_largest_rise(lab, recordings, known):
 
 
 def test_falling_and_losing_inject_nothing(lab, recordings, known):
+    """Free fall trades height for speed; a ball that bounces lower only loses."""
     scenario = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, 1.05)), duration=1.5)
     gap, speed = known.bouncing(np.arange(91) / 60, 1.0, 0.7)
     zero = 0 * gap
@@ -251,6 +253,7 @@ def test_full_reversal_is_half_a_turn(recordings, known, resting):
     ],
 )
 def test_what_did_not_happen_is_not_measured(recordings, known, resting, name, reason):
+    """A recording without contacts, stages or counters has no such value, with the reason."""
     with pytest.raises(NotMeasured, match=reason):
         known.value(name, recordings.recording(resting), resting)
 
@@ -303,6 +306,7 @@ def test_newtons_law_per_contact(recordings, known, before, after, breach):
 
 
 def test_breaches_are_weighted_by_impulse(recordings, known):
+    """A contact without impulse, or one that pulls, weighs nothing."""
     scenario = catalogue()["bounce_e05"]
     rows = [
         {"body_b": 1, "normal": UP, "impulse": (0.0, 0.0, j), "velocity_b_after": (0.0, 0.0, v)}
@@ -340,6 +344,7 @@ def test_contacts_in_touch_are_at_no_distance(recordings, known):
 
 
 def test_without_pressing_contacts_nothing_is_measured(recordings, known):
+    """No contact, or none that presses, is not measured."""
     scenario = catalogue()["bounce_e1"]
     empty = known.ideal(recordings, scenario)
     pulling = struck(recordings, known, scenario, 0.1, impulse=(0.0, 0.0, -1.0))

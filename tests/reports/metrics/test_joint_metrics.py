@@ -58,6 +58,7 @@ def test_drift_is_the_distance_of_the_anchors(recordings, known):
 
 
 def test_excess_is_beyond_the_limits(recordings, known):
+    """A hinge and a slider that move farther than their limits exceed them by the rest."""
     for name, metric in (("motor_hinge", "joint.limit"), ("slider_spring", "joint.stop")):
         scene = catalogue()[name]
         recording = known.ideal(recordings, scene)
@@ -85,6 +86,7 @@ def test_springs_store_energy(recordings, known):
 
 
 def test_the_work_of_motors_is_not_known(recordings, known):
+    """Energy is not judged where a joint drives its bodies."""
     scene = catalogue()["motor_hinge"]
     with pytest.raises(NotMeasured, match="drives its bodies: its work is not known"):
         known.value("energy.injected", known.ideal(recordings, scene), scene)
@@ -92,6 +94,7 @@ def test_the_work_of_motors_is_not_known(recordings, known):
 
 @pytest.mark.parametrize("name", ["four_bar", "hinged_pair"])
 def test_forces_of_joints_are_no_missing_impulses(recordings, known, name):
+    """Bodies that nothing touches are balanced together with what they are joined to, or not at all."""
     scene = catalogue()[name]
     with pytest.raises(NotMeasured, match="no simulated body is touched"):
         known.value("contact.impulse_balance", known.ideal(recordings, scene), scene)
@@ -112,6 +115,7 @@ def test_forces_are_what_changes_momentum(recordings, known):
 
 
 def test_forces_in_loops_are_not_known(recordings, known):
+    """Momentum does not tell the forces of joints in a loop."""
     scene = catalogue()["four_bar"]
     with pytest.raises(NotMeasured, match="outside loops"):
         joint_force(Context(known.ideal(recordings, scene), scene))

@@ -18,6 +18,7 @@ ROUNDING, INTEGRATED = 1e-12, 1e-10
 
 @pytest.mark.parametrize("scene", [scenario.name for scenario in tagged("isolated") if scenario.truths])
 def test_the_closed_form_keeps_momentum(recordings, known, scene):
+    """What moves by the closed form keeps linear and angular momentum, unless nothing turns at all."""
     scenario = catalogue()[scene]
     recording = known.ideal(recordings, scenario)
     assert known.value("momentum.linear", recording, scenario)[""] < ROUNDING
@@ -31,6 +32,7 @@ def test_the_closed_form_keeps_momentum(recordings, known, scene):
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", [scenario.name for scenario in tagged("conservative") if scenario.truths])
 def test_the_closed_form_keeps_energy(recordings, known, scene):
+    """What moves by the closed form of a conservative scene neither gains nor loses energy."""
     scenario = catalogue()[scene]
     recording = known.ideal(recordings, scenario)
     error = INTEGRATED if {"curved", "joints"} & {*scenario.tags} else ROUNDING
@@ -39,6 +41,7 @@ def test_the_closed_form_keeps_energy(recordings, known, scene):
 
 
 def test_energy_without_a_closed_form_is_relative_to_the_start(recordings, known):
+    """Judge what a break gains or loses by the kinetic energy of its cue ball."""
     scenario = catalogue()["break_15"]
     start = np.array([body.linear_velocity for body in scenario.bodies])
     velocity = np.tile(start, (scenario.frame_count + 1, 1, 1))
@@ -167,6 +170,7 @@ def test_a_bounce_loses_by_restitution(lab: SimpleNamespace, registry: SimpleNam
 
 
 def test_a_sliding_box_loses_by_friction(lab: SimpleNamespace, registry: SimpleNamespace) -> None:
+    """Lose all kinetic energy by friction."""
     box = lab.block("box", (0.1, 0.1, 0.1), (0.0, 0.0, 0.1), linear_velocity=(2.0, 0.0, 0.0))
     reported = ledger(registry, lab.scene(lab.ground(), box, mu=0.5))
     # every hold ends at a residual of 1e-12 m/s at most, which adds up over 0.4 s
@@ -177,6 +181,7 @@ def test_a_sliding_box_loses_by_friction(lab: SimpleNamespace, registry: SimpleN
 
 
 def test_engines_tell_no_mechanisms(registry: SimpleNamespace, recordings: SimpleNamespace, lab) -> None:
+    """Be measured on the reference alone."""
     scene = lab.scene(lab.ground(), lab.ball())
     with pytest.raises(NotMeasured, match="only the reference"):
         energy_ledger(Context(recordings.recording(scene), scene))

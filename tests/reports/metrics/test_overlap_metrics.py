@@ -38,6 +38,7 @@ def test_overlap_of_known_depth(sinking, known):
 
 
 def test_a_lone_body_overlaps_nothing(lab, recordings, known):
+    """In a scene where nothing may touch there is no overlap to measure, and no error."""
     scenario = lab.scene(lab.ball(), duration=0.1)
     recording = recordings.recording(scenario)
     for name in ("overlap.max", "overlap.p95"):
@@ -78,6 +79,7 @@ def test_pairs_at_rest_are_visited_once(lab, recordings):
 
 
 def test_what_never_rests_has_no_gap(lab, recordings, known):
+    """A body that hangs in the air, or moves on its support, has no gap at rest."""
     for height, speed in ((1.0, 0.0), (0.05, 0.5)):
         scenario = lab.scene(lab.ground(), lab.ball(position=(0.0, 0.0, height)), duration=0.5)
         columns = known.path(scenario, 1, scenario.bodies[1].position, (speed, 0.0, 0.0))
@@ -112,6 +114,7 @@ def test_the_gap_of_a_pressed_body_is_signed(recordings, known, pressed, gap):
 
 
 def test_what_is_pressed_into_nothing_has_no_gap(lab, recordings, known, pressed):
+    """A body that hovers with its tracker is not pressed; nor is one far from what it is pressed at."""
     free = replace(pressed, trackers=(lab.still("box", (0.0, 0.0, 0.051)),))
     for scenario, height in ((free, 0.051), (pressed, 0.5)):
         path = np.tile((0.0, 0.0, height), (scenario.frame_count + 1, 1))

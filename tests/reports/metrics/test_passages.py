@@ -80,6 +80,7 @@ def flight(frames, start, velocity, **bounce):
 @pytest.mark.parametrize("half", PLATES)
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_a_ball_through_a_plate_is_one_passage(lab, recordings, speed, half, phase):
+    """A ball that goes straight through a plate passes it once, at any speed and phase of the frame."""
     scenario = lab.scene(plate(lab, half), lab.ball(), effects=(), duration=0.2)
     slanted = np.array((0.2, 0.1, -1.0)) * speed
     start = -slanted * FRAME * (5 + phase)
@@ -107,6 +108,7 @@ def test_a_bounce_is_no_passage(lab, recordings, speed, half, phase):
 
 @pytest.mark.parametrize("speed", [2.5, 3.0, 6.0])
 def test_a_hand_through_its_table(recordings, speed):
+    """A hand whose parts all go through a table of 4 cm is counted; one that stops on it is not."""
     links, joints = hand_parts()
     names = tuple(joint.name for joint in joints)
     origin, upright = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
@@ -380,6 +382,7 @@ def test_a_plate_that_moves_over_a_ball_passes(lab, recordings):
 
 
 def test_the_first_passage_is_named(lab, recordings, known):
+    """The metric counts passages and names the first, with its time."""
     scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.2)
     position, velocity = flight(13, (0.0, 0.0, 0.45), (0.0, 0.0, -6.0))
     columns = moving(scenario, 1, position, velocity)

@@ -50,6 +50,7 @@ def test_a_trunk_out_of_reach_leaves_nothing_to_compare(registry, known, monkeyp
 
 
 def test_the_pressed_frames_are_the_trackers(registry):
+    """The frames that are judged follow from the tracker, whatever is shown."""
     scenario, recording = catalogue()["wall_push"], registry.played("wall_push", "reference")
     away = replace(recording, position=recording.position + (0.0, 5.0, 0.0))
     ours, theirs = (posture_optimum._person(Context(r, scenario))[1] for r in (recording, away))

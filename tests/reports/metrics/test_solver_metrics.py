@@ -100,6 +100,7 @@ def test_a_new_cap_is_counted_and_shown(context):
 
 
 def test_a_resolved_run_is_zero_and_says_nothing(context):
+    """Give plain zeros that meet their limits, and no warning."""
     reported = context()
     assert [METRICS[name].measure(reported) for name in SOLVER_METRICS] == [{"": 0.0}] * 4
     rows = rows_of(reported)
@@ -108,6 +109,7 @@ def test_a_resolved_run_is_zero_and_says_nothing(context):
 
 
 def test_energy_taken_away_by_parting_counts_too(context):
+    """Judge parting that lowers bodies by its size."""
     rows = {row.metric: row for row in rows_of(context({3: {"parted_energy": -0.1}}))}
     assert rows["solver.parted_energy"].verdict == "fail"
 
@@ -149,6 +151,7 @@ def test_known_failings_are_warned_of(context, monkeypatch):
 
 
 def test_a_frame_without_contacts_has_no_pair(context):
+    """Name the frame alone where no contact tells a pair."""
     assert worst_place(context({3: {"gave_up": 1}}), *CAPS) == Place(3, None)
     assert str(Place(3, None)) == "frame 3"
 
@@ -173,6 +176,7 @@ def test_the_papers_own_way_is_no_failing(context):
 
 
 def test_sizes_are_no_work(context):
+    """Keep sizes and bodies out of the table of counts."""
     assert set(METRICS["work"].measure(context(UNRESOLVED))) == {"contacts", *CAPS}
 
 
@@ -187,6 +191,7 @@ def recording():
 
 
 def test_two_runs_in_a_process_have_one_hash(recording):
+    """The reference repeats a run to the bit."""
     again = record(load("reference"), hard_scene(SCENE)[0], SETTINGS)
     assert state_hash(again) == state_hash(recording)
 
@@ -209,6 +214,8 @@ def test_fresh_processes_do_not_change_the_hash(recording, tmp_path):
 
 
 def test_the_metric_holds_the_digits(recording):
+    """A float holds the first digits exactly, and the remark all of them."""
+
     class Context:
         pass
 

@@ -164,6 +164,7 @@ def test_what_still_slides_does_not_creep(recordings, known):
 
 
 def test_what_should_never_slide_creeps_however_fast(recordings, known):
+    """A body that should stick from the start is not excused by sliding away."""
     scenario = catalogue()["incline_holds"]
     right = known.ideal(recordings, scenario)
     body = scenario.body_index(scenario.truths[0].body)
@@ -174,6 +175,7 @@ def test_what_should_never_slide_creeps_however_fast(recordings, known):
 
 
 def test_yaw_is_no_tilt(recordings, known):
+    """A cube that turns about the support's normal does not tilt."""
     scenario = catalogue()["incline_holds"]
     right = known.ideal(recordings, scenario)
     normal = Rotation.from_quat(scenario.bodies[0].orientation, scalar_first=True).apply((0.0, 0.0, 1.0))
@@ -214,6 +216,7 @@ def moving(recordings, scenario, velocities):
 
 
 def test_a_mirrored_break_is_symmetric(recordings, known):
+    """Balls 2 and 3 part to either side; what one lacks is found, and named."""
     scenario = catalogue()["break_15"]
     mirrored = {"cue": (0.0, 1.0, 0.0), "ball_2": (-1.0, 2.0, 0.3), "ball_3": (1.0, 2.0, 0.3)}
     found = known.value("symmetry.mirror", moving(recordings, scenario, mirrored), scenario)[""]
@@ -236,6 +239,7 @@ def test_what_leaves_the_mirror_plane_counts_twice(recordings, known):
 
 
 def test_no_symmetry_without_partners(recordings, known):
+    """Measure nothing in scenes that are not tagged, or that are tagged by mistake."""
     scenario = catalogue()["tower_10"]
     with pytest.raises(NotMeasured, match="not tagged symmetric"):
         known.value("symmetry.mirror", recordings.recording(scenario), scenario)

@@ -38,6 +38,7 @@ def _names(*arguments, **options):
 
 
 def test_periods_are_counted_in_nights_of_one_machine():
+    """A study is due when its period is over; nights of other machines do not count."""
     every = [_study("a", 3)]
     assert _names(every, [], "one") == ["a"]
     nights = _nights({"a": 9.0}, {}, {})
@@ -63,6 +64,7 @@ def test_a_study_must_fit_into_the_time_that_is_left():
 
 
 def test_all_families_have_their_turn():
+    """Hard cases rotate; a quick night has fewer."""
     assert studies(0, quick=True)[0].seconds < studies(0, quick=False)[0].seconds
     assert {study.name for study in studies(3, quick=False)} >= {HARD, "calibration", "relations"}
 
@@ -91,6 +93,7 @@ def test_rows_are_kept_without_times_and_with_their_step():
     ("before", "after", "kind"), [("ok", "exploded", REGRESSION), ("jitter", "ok", GONE), ("ok", "ok", None)]
 )
 def test_an_outcome_that_changes_is_a_finding(before, after, kind):
+    """A hard case that is no longer survived is a regression, named by its classes."""
     found = physics(rows_for_nights(table([_hard(after)])), rows_for_nights(table([_hard(before)])))
     assert [(one.kind, one.moved) for one in found] == ([(kind, f"{before} -> {after}")] if kind else [])
 
@@ -220,6 +223,7 @@ def test_physics_is_compared_across_hardware(program, monkeypatch):
 
 
 def test_what_is_missing_is_told_before_the_night(program, monkeypatch):
+    """Without a judge nothing is played: exit 4 and one line."""
     for name in [name for name in sys.modules if name.startswith("touchstone.adapters.oracles")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "coal", None)
@@ -243,6 +247,7 @@ def test_a_night_that_nobody_reads_is_stored(program, monkeypatch):
 
 @pytest.mark.parametrize("command", ["nightly", "nightly --quick"])
 def test_every_engine_plays(program, monkeypatch, command):
+    """A night asks for all engines, quick or not."""
     from touchstone.adapters.registry import DEFAULT_ENGINES
 
     asked = []
@@ -271,6 +276,7 @@ def test_a_study_is_measured_when_it_is_due(program):
 
 
 def test_a_page_that_fails_leaves_the_night(program, monkeypatch):
+    """Where the page cannot be written the night is stored, and the exit code says so."""
     from touchstone.reports.nightly import outputs
 
     def fails(*arguments):
@@ -292,6 +298,7 @@ def test_a_page_that_fails_leaves_the_night(program, monkeypatch):
     ],
 )
 def test_wrong_input_is_one_line(program, command, said):
+    """Exit 2 and one line; nothing is measured."""
     if "nowhere" in said:
         pytest.importorskip("fsspec")
     code, out, err, played = program(command)
@@ -369,6 +376,7 @@ def test_an_acceptance_that_is_set_aside_replaces_no_other(stored, tmp_path):
 
 @pytest.mark.parametrize("name", ["it's", 'a "b"', "[ab]", "*", "a b", "-a", "ö"])
 def test_a_store_may_have_any_name(program, name):
+    """Quotes, brackets and patterns in the name of a store are letters."""
     for _ in range(3):
         survives(program, f"--store={name}")
     assert len(Store(name).nights()) == 3

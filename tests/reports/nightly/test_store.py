@@ -21,6 +21,7 @@ from touchstone.reports.nightly.store import FORMAT, KEY, Store, StoreError
 
 
 def test_nights_come_back_in_order(store, nights):
+    """Rows, identity and order survive, also when the clock jumps back."""
     store.add(nights.frame(1e-4), nights.facts(5))
     store.add(nights.frame(2e-4), nights.facts(3))
     found = store.nights()
@@ -33,6 +34,7 @@ def test_nights_come_back_in_order(store, nights):
 
 
 def test_damaged_foreign_and_future_files_are_set_aside(store, nights):
+    """Each is moved away by name with a note; the other nights are read."""
     store.add(nights.frame(), nights.facts(1))
     runs = store.folder / "runs"
     (runs / "000002-damaged.parquet").write_bytes((runs / "000001-night0001.parquet").read_bytes()[:200])
@@ -58,6 +60,7 @@ def test_two_nightlies_at_once_are_told(store):
 
 
 def test_other_folders_and_versions_are_refused(tmp_path):
+    """A folder with other files, a store of a future version and an unknown URL are one line each."""
     (tmp_path / "thesis.txt").write_text("kept")
     with pytest.raises(StoreError, match="holds other files"), Store(str(tmp_path)).opened():
         pass

@@ -69,6 +69,7 @@ def test_the_test_is_exact():
 
 
 def test_steps_are_dated(nights):
+    """The first night of a confirmed step is its night."""
     generator = np.random.default_rng(2)
     firsts = []
     for _ in range(100):
@@ -126,6 +127,7 @@ def test_a_change_of_physics_is_always_told(nights, before, after, kind, text):
 
 
 def test_what_is_no_longer_measured_is_a_regression(nights):
+    """An engine that is missing tonight is never green."""
     tonight = nights.frame()
     tonight["engine"] = "bullet"
     found = physics(tonight, nights.frame())

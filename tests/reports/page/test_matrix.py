@@ -28,6 +28,7 @@ def cell(rows, topic, column=THEIRS):
 
 
 def test_a_broken_time_limit_marks_the_time():
+    """The mark of a ratio of times is in the reference's time, its figures in the hover."""
     rows = [
         row("time.frame.median", 2e-5, OURS, "s"),
         row("time.frame.median", 1e-4, unit="s"),
@@ -124,6 +125,7 @@ def test_a_cell_has_no_more_digits_than_a_reader_needs(value, text, exact):
 
 
 def test_times_are_coloured_from_twice_the_fastest():
+    """A shade per factor of 2."""
     rows = [row("time.frame.median", 1e-4, OURS, "s"), row("time.frame.median", 4e-4, unit="s")]
     assert [cell(rows, "time", column).shade for column in (OURS, THEIRS)] == [0, 2]
     rows[1] = replace(rows[1], value=1.9e-4)
@@ -131,6 +133,7 @@ def test_times_are_coloured_from_twice_the_fastest():
 
 
 def test_a_run_that_failed_is_marked_beside_one_that_played():
+    """One engine died, the other has figures: the cells of the first say so."""
     rows = [overlap(1e-5, column=OURS), row("run", verdict="error", reason="diverged")]
     assert [cell(rows, topic).mark for topic in ("limits", "overlap", "time")] == ["✗"] * 3
     assert cell(rows, "overlap").text == "error"

@@ -124,6 +124,7 @@ def test_a_page_stays_small():
     ],
 )
 def test_the_sentence_is_never_green_unseen(verdicts, level, start):
+    """A run is good only where limits were judged and all of them met."""
     rows = [Row("run", "s", "dart", "p", 0.1, "overlap.max", verdict=verdict) for verdict in verdicts]
     assert verdict_of(table(rows)) == (level, start)
 
@@ -137,6 +138,7 @@ def test_a_slow_reference_is_listed_among_the_failings():
 
 
 def test_studies_are_shown_as_text(made):
+    """Hard cases as a table of classes with what each means; of other studies, counts and what is broken."""
     from touchstone.reports.page.sections import studies_part
 
     hard = ("stability", "hard_mass_1e6", "mujoco", "recommended", 1 / 540, "stability.outcome")
@@ -211,6 +213,7 @@ def test_no_link_is_dead(many, made, tmp_path):
 
 
 def test_scenes_beyond_the_budget_keep_their_target(many, monkeypatch):
+    """Of scenes whose tables do not fit, the figures that miss a limit stay."""
     monkeypatch.setattr(sections, "MOST_TABLES", 5000)
     text = page(many)
     assert dead_links(text, ".") == []
@@ -288,6 +291,7 @@ def test_a_chart_has_the_heaviest_pairs_and_the_truth() -> None:
 
 
 def test_a_page_has_charts_within_its_budget(made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first scenes that fit have a chart, in the part of their scene."""
     pytest.importorskip("vl_convert")
     scenes = {name: (catalogue()[name], courses("a")) for name in ("stack", "slide", "fall")}
     found = force_charts(scenes)

@@ -99,6 +99,7 @@ def test_the_scrubber_moves_the_bodies(opened):
 
 
 def test_jumps_land_on_their_frames(opened, made):
+    """The buttons go to the deepest overlap and to the largest disagreement."""
     for text in ("Worst overlap dart", "Largest disagreement"):
         opened.evaluate(f"{PLAYER}.seek(0)")
         opened.get_by_role("button", name=text).click()

@@ -61,11 +61,13 @@ def test_says_that_columns_stay_together(apart):
 
 
 def test_one_column_has_nothing_to_compare(apart):
+    """No row and no line."""
     assert apart(one=np.zeros(31)) == []
     assert headlines([]) == []
 
 
 def test_equal_paths_are_no_distance(apart):
+    """Where all columns are equal no body is named."""
     assert headlines(apart(one=np.zeros(31), other=np.zeros(31))) == [
         "farthest apart: no body, all paths are equal"
     ]
@@ -81,6 +83,7 @@ def test_compares_up_to_the_horizon(apart):
 
 
 def test_a_column_that_ends_early_is_compared_until_then(lab, recordings):
+    """Recordings of 10 and 31 frames are compared over 10."""
     scenario = lab.scene(lab.ball(), duration=0.5)
     whole = recordings.recording(scenario)
     ended = replace(
@@ -186,12 +189,14 @@ def noisy(seed, median, spikes=0.0, frames=180):
 
 
 def test_a_constant_ratio_is_exact():
+    """Times that are a fixed share of others have that ratio with no width, whatever their noise."""
     theirs = noisy(1, 1e-4, spikes=0.3)
     ratio = time_ratio(theirs / 4, theirs)
     assert (ratio.value, ratio.low, ratio.high) == pytest.approx((0.25, 0.25, 0.25), rel=1e-12)
 
 
 def test_only_what_both_played_counts():
+    """Leave out frames that the other did not play, whichever is longer."""
     theirs = noisy(1, 1e-4)
     longer = np.concatenate([theirs / 4, np.ones(300)])
     for ratio in (time_ratio(longer, theirs), time_ratio(theirs / 4, np.append(theirs, np.ones(300)))):
@@ -200,6 +205,7 @@ def test_only_what_both_played_counts():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_interval_holds_value_and_truth(seed):
+    """The interval holds the ratio of medians and the truth and is a few percent wide, spikes or not."""
     ratio = time_ratio(noisy(seed, 2e-5, spikes=0.05), noisy(seed + 100, 1e-4))
     assert ratio.low <= ratio.value <= ratio.high
     # the median of 180 frames that scatter by a tenth is good to 1 %: 95 % of seeds, these were drawn once
@@ -208,6 +214,7 @@ def test_the_interval_holds_value_and_truth(seed):
 
 
 def test_the_interval_is_reproducible():
+    """The same times give the same interval to the bit; another seed another one."""
     ours, theirs = noisy(1, 2e-5), noisy(2, 1e-4)
     assert time_ratio(ours, theirs) == time_ratio(ours.copy(), theirs.copy())
     assert time_ratio(ours, theirs, seed=1) != time_ratio(ours, theirs)
@@ -226,6 +233,7 @@ SIZES = (100, 320, 1000, 3200, 10_000)
 
 @pytest.mark.parametrize("power", [0.0, 0.5, 1.0, 5 / 3, 2.0])
 def test_the_exponent_of_a_power_law_is_exact(power):
+    """Times that follow a power law have its exponent, with no width, in any unit of time."""
     for unit in (1e-9, 3.0):
         times = [np.full(7, unit * size**power) for size in SIZES]
         assert exponent(SIZES, times) == pytest.approx((power,) * 3, abs=1e-12)
@@ -287,6 +295,7 @@ def test_a_restart_that_is_disturbed_does_not_count():
 
 
 def test_only_chosen_frames_count():
+    """Leave frames without contact out of the ratio."""
     ours, theirs = np.ones((3, 50)), np.full((3, 50), 4.0)
     ours[:, :40] = 100.0
     ratio = restart_ratio(ours, theirs, MEASURES["mean"], np.arange(40, 50))

@@ -62,6 +62,7 @@ def test_a_loaded_machine_refuses_no_short_run(clock, monkeypatch):
 
 
 def test_recordings_that_no_memory_holds_are_refused():
+    """The line names the scene, what it takes, and what there is."""
     fall = catalogue()["fall"]
     check_memory(list(catalogue().values()), 8)
     with pytest.raises(TooLargeError, match=r"^fall: 4 recordings of 599999940 frames take \d+ GB, and this"):
@@ -82,6 +83,7 @@ def test_a_study_may_take_a_night(clock):
 
 
 def test_studies_and_sweeps_ask_before_a_long_one(clock, capfd):
+    """`--yes` is an option of all that play for long, and decides."""
     command = typer.main.get_command(main.app)
     for name in ("sweep", "cheapest", "versions"):
         assert "yes" in {one.name for one in command.commands[name].params}

@@ -39,10 +39,12 @@ def _fresh():
 
 @pytest.mark.parametrize("field", [field.name for field in fields(Cell)])
 def test_every_field_counts(field):
+    """A cell that differs in one field has another hash."""
     assert hash_of(replace(CELL, **{field: CHANGES[field]})) != hash_of(CELL)
 
 
 def test_order_and_process_do_not_count():
+    """The order of changes, the process and its random seed leave the hash as it is."""
     reordered = replace(CELL, changes=CELL.changes[::-1], options=CELL.options[::-1])
     assert hash_of(reordered) == hash_of(CELL)
     code = f"from touchstone.reports.runner.{{}} import *; print(hash_of({CELL!r}))"
@@ -57,6 +59,7 @@ def test_order_and_process_do_not_count():
 
 
 def test_the_processor_counts_for_timing_only(monkeypatch):
+    """Times of another processor are measured again, accuracy is not."""
     before = [hash_of(replace(CELL, measure=measure)) for measure in (CELL.measure, TIMING)]
     content_hash._processor.cache_clear()
     monkeypatch.setattr(content_hash, "machine", lambda: {"processor": "another"})
@@ -81,6 +84,7 @@ def test_the_processor_counts_for_timing_only(monkeypatch):
     ],
 )
 def test_sources_count(monkeypatch, engine, source, counts):
+    """An edit of a source that takes part in a run changes the hash, an edit of any other does not."""
     cell = replace(CELL, engine=engine)
     before = hash_of(cell)
     _fresh_caches()
@@ -102,6 +106,7 @@ def test_versions_count(monkeypatch, package):
 
 
 def test_the_scene_counts(monkeypatch):
+    """A scene that was edited under the same name has another hash."""
     before = hash_of(CELL)
     _fresh_caches()
     text = content_hash.scenario_json
@@ -154,12 +159,14 @@ def test_a_run_changes_with_all_that_decides_it(plugged, monkeypatch):
 
 
 def test_tests_beside_an_engine_do_not_count(plugged):
+    """An edited test plays nothing again."""
     before = run_hash()
     (plugged / "test_theirs.py").write_text("assert True\n")
     assert run_hash() == before
 
 
 def test_cells_on_an_engine_of_others_change_with_its_source(plugged):
+    """A sweep plays an edited engine again."""
     cell = replace(CELL, engine="theirs", profile="default", changes=())
     before = hash_of(cell)
     (plugged / "their_forces.py").write_text("G = 1.62\n")

@@ -28,6 +28,7 @@ from touchstone.reports.runner.sweep import sweep
 
 
 def test_a_grid_has_every_combination_once():
+    """Repeated names and values give no repeated cells."""
     columns = [("mujoco", "recommended"), ("mujoco", "recommended"), ("bullet", "recommended")]
     cells = grid(["fall", "slide"], columns, steps=[1 / 60, 1 / 240], repeats=3)
     assert len(cells) == len(set(cells)) == 2 * 2 * 2 * 3
@@ -57,6 +58,7 @@ def test_settings_concern_the_engines_that_have_them():
     ],
 )
 def test_what_no_engine_has_is_refused(text, said):
+    """The nearest names and the valid values are named."""
     with pytest.raises(SettingError, match=said):
         combinations("mujoco", "recommended", [text])
 
@@ -100,6 +102,7 @@ def test_a_dask_cluster_gives_the_rows_of_a_pool(tmp_path):
 
 @pytest.mark.slow
 def test_a_cluster_keeps_going(fakes, tmp_path, monkeypatch):
+    """A cell that crashes its worker, or hangs, is a row; all others are measured."""
     pytest.importorskip("distributed")
     from fake_measures import load
 
@@ -117,6 +120,7 @@ def test_a_cluster_keeps_going(fakes, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense"])
 def test_an_unreachable_cluster_is_one_line(fakes, tmp_path, monkeypatch, address):
+    """The address is named, and what the store holds stays."""
     pytest.importorskip("distributed")
     monkeypatch.setattr("touchstone.reports.runner.executors.CONNECT_SECONDS", 1)
     with pytest.raises(ClusterError, match=f"^--dask {address}: cannot be reached [^\n]*$"):
@@ -125,6 +129,7 @@ def test_an_unreachable_cluster_is_one_line(fakes, tmp_path, monkeypatch, addres
 
 
 def test_parts_cover_all_cells_once(fakes):
+    """Parts of an array are disjoint and complete."""
     cells = fakes("square", 23)
     parts = [part_of(cells, f"{k}/5") for k in range(5)]
     assert sorted((cell for part in parts for cell in part), key=lambda cell: cell.seed) == cells
@@ -181,6 +186,7 @@ def test_cells_are_played_once(fakes, tmp_path):
 
 @pytest.mark.spawned
 def test_what_ends_a_cell_is_a_row(fakes, tmp_path):
+    """A crash, a hang, a divergence and an exception cost their own cell only."""
     frame = sweep(fakes("faulty", 12), tmp_path / "s", executor=pool(2))
     runs = frame[frame.metric == "run"].set_index("seed")
     assert runs.outcome[runs.outcome != "done"].to_dict() == {
@@ -289,6 +295,7 @@ def test_a_full_disk_keeps_what_was_measured(fakes, tmp_path, monkeypatch):
 
 
 def test_ten_thousand_cells_are_resumed_at_once(fakes, tmp_path):
+    """10,000 finished cells are hashed, found and read in under 5 s."""
     store = Store(tmp_path / "s")
     cells = fakes("square", 10_000)
     from fake_measures import load

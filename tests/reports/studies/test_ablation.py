@@ -65,6 +65,7 @@ def test_a_line_tells_what_a_variation_buys_and_costs(frame):
 
 
 def test_the_table_and_the_picture_show_it(shown, frame, tmp_path):
+    """The table says what moves nothing; the picture is drawn."""
     text = shown(report(frame), 160)
     assert "energy guard off: wall energy.injected" in text
     assert f"moves no scene in either direction: {CAP}" in text

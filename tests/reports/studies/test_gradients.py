@@ -28,6 +28,7 @@ STEP = 1e-6
 
 @pytest.mark.parametrize("name", ["elastic balls", "unequal balls", "bounce", "bounce three times"])
 def test_closed_forms_are_differences_of_final_positions(name):
+    """Derivatives of positions, against central differences of another closed form, at every start."""
     case = CASES[name]
     for start in case.starts():
         for one in case.truth(start):
@@ -56,6 +57,7 @@ def test_the_reference_equals_the_closed_forms(name):
 
 
 def test_a_wrong_derivative_fails_and_is_drawn(tmp_path):
+    """An error beyond the limit is a failed row; table and picture show it, and an engine that ended."""
     engine, profile, _ = JUDGED
     task = Task("slide", engine, Settings(profile, 1 / 60))
     wrong = np.full((3, len(SIZES), STARTS), 1e-9)

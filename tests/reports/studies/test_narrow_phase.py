@@ -87,6 +87,7 @@ def test_rows_are_complete(results) -> None:
 
 
 def test_a_missing_engine_is_a_skipped_row(results) -> None:
+    """Skip with the reason, once."""
     rows = results[0][results[0].engine == ABSENT]
     assert rows[["metric", "verdict", "reason"]].to_numpy().tolist() == [
         ["run", "missing", "not installed (pip install no_such_package)"]
@@ -134,6 +135,7 @@ def test_the_reference_is_exact(truth) -> None:
 
 
 def test_families_are_what_they_say(truth) -> None:
+    """Overlap, part and touch as the names promise."""
     relative = {family: (truth.distance / truth.size)[truth.family == family] for family in FAMILIES}
     for family in ("overlap", "deep", "face-face", "needle", "coincident"):
         assert (relative[family] < 0).all()
@@ -146,6 +148,7 @@ def test_families_are_what_they_say(truth) -> None:
 
 
 def test_missed_and_failed_count_apart(truth) -> None:
+    """Count a contact that is not seen as distance 0, and a query that failed not at all."""
     n = len(truth.pairs)
     nothing = Answered(np.full(n, np.nan), np.full((n, 3), np.nan), np.zeros(n), [], {}, {})
     errors = depth_errors(truth, nothing)
@@ -159,6 +162,7 @@ def test_missed_and_failed_count_apart(truth) -> None:
 
 
 def test_an_equally_deep_face_is_no_error(truth) -> None:
+    """Accept the other of two faces that are equally deep."""
     k = int(np.flatnonzero(truth.family == "coincident")[0])
     n = len(truth.pairs)
     normal = np.full((n, 3), np.nan)
@@ -238,6 +242,7 @@ def test_the_truth_of_shapes_without_corners_is_their_closed_form(a, b, distance
 
 
 def test_half_spaces_have_no_distance():
+    """Two of them are refused."""
     with pytest.raises(Unsupported, match="no distance of two half-spaces"):
         piece_distance(piece(HalfSpace()), piece(HalfSpace(), (0, 0, 1)))
 
@@ -335,6 +340,8 @@ def test_answers_wrong_in_kind_are_named(monkeypatch, spheres, touchstone):
 
 
 def test_a_detector_that_dies_is_asked_one_by_one(monkeypatch, spheres, tmp_path):
+    """It loses the pair of which it dies, and no other."""
+
     def measure(names, pairs, *_):
         found = answers(*(float(b.position[0]) - 1 for _, b in pairs))
         if any(b.position[0] == 0.5 for _, b in pairs):

@@ -127,6 +127,7 @@ def test_momentum_of_isolated_scenes_is_judged(fakes):
 
 @pytest.mark.slow
 def test_a_study_outlives_those_that_hang_or_die(fakes, tmp_path):
+    """Count a hang and a death, replace the process, and play the others."""
     names = ("rests", "hangs", "dies", "rests", "unsupported", "explodes")
     asked = [SeededTask(name, SETTINGS, TOWER + k) for k, name in enumerate(names)]
     reported = []
@@ -160,6 +161,7 @@ def test_limits_hold_for_the_reference_alone(fakes):
 
 
 def test_a_line_names_all_that_a_run_was():
+    """Repeat engine, profile, seed, kind and perturbation."""
     task = SeededTask("dart", Settings("accurate", 1e-3), 7, "heap", 1e-16)
     assert line(task) == (
         "touchstone study robustness --scenes 1 --seed 7 --engine dart --profile accurate "

@@ -69,6 +69,7 @@ def test_tries_are_bounded():
 
 
 def test_a_failure_is_written_with_the_line_that_replays_it(tmp_path):
+    """An engine that explodes gives a scene file, whose scene is small, and a command that names it."""
     from fake_random_engines import load_as
 
     lines = []
@@ -87,6 +88,7 @@ def test_a_failure_is_written_with_the_line_that_replays_it(tmp_path):
 
 
 def test_sound_scenes_leave_nothing(tmp_path):
+    """Scenes without a failure are counted with their frames."""
     from fake_random_engines import load_as
 
     found = soak(Extent(1.0, most=3), "balanced", tmp_path, print, partial(load_as, "silent"), small)

@@ -50,6 +50,7 @@ def table(measured):
 
 
 def test_a_csv_file_is_the_same_toss(table, measured, tmp_path):
+    """A toss in both forms has the same flight and start."""
     table.to_csv(tmp_path / "toss.csv", index=False)
     box, tosses = read(tmp_path)
     (flight,), _ = flights(box, tosses)
@@ -75,6 +76,7 @@ FAULTS = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_wrong_file_is_refused_with_its_place(fault, table, tmp_path):
+    """One line with file and sample."""
     change, said = FAULTS[fault]
     change(table).to_csv(tmp_path / "a.csv", index=False)
     with pytest.raises(RefusedError, match=said) as refused:
@@ -94,6 +96,7 @@ BODIES = {
 
 @pytest.mark.parametrize("text", BODIES)
 def test_a_wrong_body_is_refused(text, tmp_path):
+    """A body that is no box, or not the one of the tosses."""
     shutil.copytree(TOSSES, tmp_path, dirs_exist_ok=True)
     (tmp_path / "body.toml").write_text(text)
     with pytest.raises(RefusedError, match=BODIES[text]):

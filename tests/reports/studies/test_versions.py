@@ -151,12 +151,14 @@ def test_wrong_arguments_are_one_line(touchstone, released, command, code, said)
     ],
 )
 def test_why_pip_failed_is_one_line(text, said):
+    """The cause, not pip's last line."""
     found = pip_reason(text, "mujoco")
     assert said in found
     assert "\n" not in found
 
 
 def test_an_interrupted_installation_leaves_nothing(released, monkeypatch):
+    """An environment is complete or absent."""
     from touchstone.adapters.workers import pip_calls as module
 
     def interrupted(*arguments, **options):

@@ -63,6 +63,7 @@ def test_the_outlier_is_outside_of_the_band_of_the_others():
 
 
 def test_a_code_that_has_not_converged_does_not_count():
+    """Its place is no evidence, wherever it is."""
     band = banded(dart=code(0.0), bullet=code(0.0, change=0.06), mujoco=code(0.04))
     assert band.codes == ("dart", "mujoco")
     assert "bullet changes by 60 mm with half the step" in band.words
@@ -77,6 +78,7 @@ def test_codes_of_different_models_have_no_band(places):
 
 
 def test_of_equal_groups_that_share_a_code_the_narrowest_counts():
+    """A chain: its ends do not agree."""
     band = banded(a=code(0.0), b=code(0.04), c=code(0.07))
     assert band.codes == ("b", "c")
 
@@ -114,6 +116,7 @@ def drawn(count):
 @pytest.mark.parametrize("count", [0, 1, 2, 40])
 @pytest.mark.parametrize("floor", [0.0, 0.3])
 def test_a_front_is_what_nothing_dominates(count, floor):
+    """Each point against every other."""
     for _ in range(50):
         time, error = drawn(count)
         clipped = np.maximum(error, floor)
@@ -126,6 +129,7 @@ def test_a_front_is_what_nothing_dominates(count, floor):
 
 
 def test_a_deficit_is_the_least_factor():
+    """Each of their points against each of ours."""
     ours, theirs = RNG.random((7, 2)) + 0.1, RNG.random((9, 2)) + 0.1
     expected = [min(max(t / t2, max(e, 0.2) / max(e2, 0.2)) for t, e in ours) for t2, e2 in theirs]
     assert deficit(ours, theirs, 0.2) == pytest.approx(expected)
@@ -134,6 +138,7 @@ def test_a_deficit_is_the_least_factor():
 
 
 def test_paths_are_compared_up_to_the_horizon():
+    """The largest distance over bodies and frames, of the frames that both have."""
     one, other = RNG.random((9, 3, 3)), RNG.random((8, 3, 3))
     expected = max(np.linalg.norm(one[f, b] - other[f, b]) for f in range(5) for b in range(3))
     assert distance(one, other, 4) == pytest.approx(expected)
@@ -195,10 +200,12 @@ def test_the_cheapest_is_that_of_brute_force():
     [("1mm", "m", 1e-3), (" 2.5 cm", "m", 0.025), ("1e3m", "m", 1e3), ("1%", "1", 0.01), ("4ms", "s", 4e-3)],
 )
 def test_a_tolerance_has_a_unit(text, unit, value):
+    """Numbers with units become SI."""
     assert tolerance(text, unit, "--x") == pytest.approx(value)
 
 
 def test_fronts_name_the_point_that_is_not_dominated():
+    """An engine that is faster, or more accurate, than all settings of the reference is named, with why."""
     rows = [
         ("reference", 1.0, 1e-3),
         ("reference", 4.0, 1e-6),

@@ -90,6 +90,7 @@ def test_a_known_failing_may_be_gone_at_another_step(table_of_failings):
 
 
 def test_a_known_event_that_never_happens(table_of_failings):
+    """An expected event that never happens is known where it is listed, and failed elsewhere."""
     place = {"engine": "reference", "profile": "paper", "metric": "events.roll"}
     table_of_failings(line(**place, subject="*", largest=None))
     row = Row("run", "ball_snip", "reference", "paper", 1 / 60, "events.roll", nan, verdict="fail")
@@ -130,6 +131,7 @@ def test_a_known_failing_that_is_no_longer_measured_fails(table_of_failings):
 
 
 def test_every_known_failing_has_a_size_above_its_limit():
+    """Each line has its size, or covers subjects that have lines of their own."""
     lines = read(failings.FILE)
     assert lines == known()
     for key, one in lines.items():
@@ -147,6 +149,7 @@ def test_every_known_failing_has_a_size_above_its_limit():
 
 
 def test_every_cause_shows_somewhere_and_once():
+    """Every cause has a line, and no engine has the same reason twice."""
     assert {one.cause for one in known().values()} == set(causes())
     shown = {(one.engine, one.cause, one.reason) for one in known().values()}
     assert len({(engine, reason) for engine, _, reason in shown}) == len(shown)
@@ -174,6 +177,7 @@ def test_known_failings_say_how_to_see_them():
 
 
 def test_no_default_row_is_the_harness():
+    """No known failing of a profile that plays by default is marked as the harness'."""
     marked = {one.profile for one in known().values() if one.is_harness}
     assert marked == {"equal-step"}
     assert not marked & set(DEFAULT_PROFILES)
@@ -192,6 +196,7 @@ def test_a_faulty_line_is_refused(fields, tmp_path):
 
 
 def test_a_line_that_is_there_twice_is_refused(tmp_path):
+    """Name the line."""
     path = tmp_path / "failings.csv"
     write([LINE, line(largest=9.0)], path)
     said = r"several lines of mujoco recommended ball_snip overlap\.max a-b"
@@ -238,6 +243,7 @@ def test_a_chaotic_size_is_ten_times_the_largest(table_of_failings):
 def test_measure_writes_the_file_and_prints_the_difference(
     table_of_failings, touchstone, tmp_path, monkeypatch
 ):
+    """`touchstone failings measure` rewrites what a run measured, and says what changed."""
     table_of_failings()
     monkeypatch.setattr(failings, "FILE", tmp_path / "failings.csv")
     write([LINE, line(subject="a-c")], failings.FILE)

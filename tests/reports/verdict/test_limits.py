@@ -73,6 +73,7 @@ def each_of(entries):
 
 @each_of([*LIMITS, *KNOWN])
 def test_every_entry_names_what_exists(entry):
+    """Metric, engine, scene or tag, and profile of every limit and known failing exist; reasons are lines."""
     assert len(entry.reason) > 8
     assert "\n" not in entry.reason
     spread = tuple(f"{name}.spread" for name in METRICS if name.startswith("events."))
@@ -125,6 +126,7 @@ PERSON_ENERGY = {scene: 100 * joule for scene, joule in sizes("energy.injected",
 
 
 def test_the_file_is_one_of_limits():
+    """Our file has the fields of those of users."""
     assert data_of_file(FILE, file_model())[1] == []
 
 
@@ -184,6 +186,7 @@ def test_the_most_specific_limit_wins(limits):
 
 
 def test_limits_by_construction_are_marked(limits):
+    """A limit that the method meets whatever it simulates leaves its mark on the row."""
     limits(Limit("overlap.max", 3.0, "removed last", by_construction=True))
     assert judged(ROW, ()).basis == "construction"
     limits(Limit("overlap.max", 3.0, "removed last"))
@@ -199,6 +202,7 @@ def test_what_is_judged_stays_judged(limits, verdict):
 
 
 def test_remarks_are_kept(limits):
+    """A row's own remark comes before the limit's reason."""
     limits(Limit("overlap.max", 3.0, "why"))
     assert judged(replace(ROW, reason="outlier x"), ()).reason == "outlier x; why"
 
@@ -221,6 +225,7 @@ def test_a_persons_energy_is_that_of_its_tracker(scene):
 
 @pytest.mark.parametrize(("low", "verdict"), [(0.2, ""), (0.5, "fail"), (nan, "fail")])
 def test_a_ratio_of_times_breaks_a_limit_by_its_whole_interval(low, verdict):
+    """A limit, ours or of a file, says nothing of a ratio whose interval includes it."""
     row = Row("ik", "arm, near", "reference", CCD, nan, "ratio.time", 0.6, "1", low=low, high=0.9)
     assert judged(row, ()).verdict == verdict
     of_file = (Limit("ratio.time", 0.4, "as fast"),)

@@ -46,6 +46,7 @@ def scene():
 
 @pytest.mark.parametrize(("script", "expected"), SCRIPTS.items())
 def test_each_script_has_its_class(scene, script, expected):
+    """A script of every class is recognised, with a reason for all but `ok`."""
     scenario, checks = scene
     budget = 0.2 if script == "slow" else 60.0
     found = play_scenario(Engine(script), scenario, checks, Settings("any", 1 / 60), budget)
@@ -54,6 +55,7 @@ def test_each_script_has_its_class(scene, script, expected):
 
 
 def test_every_class_has_a_script():
+    """No class is without a fake."""
     assert set(SCRIPTS.values()) == set(HARD_CLASSES)
     assert set(SILENT) < set(HARD_CLASSES)
 
@@ -78,6 +80,7 @@ def test_an_allowed_overlap_is_one_at_the_start_alone(scene):
 
 
 def test_a_failed_cell_keeps_its_recording(tmp_path):
+    """A failed run leaves its recording, one that is ok leaves none."""
     cell = hard_cell("hard_strong_gravity_9.81", "fake", "any", 1 / 60)
     for fault, name, count in (("tunnels", "tunnelled", 1), ("rests", "ok", 0)):
         folder = tmp_path / fault
@@ -88,6 +91,7 @@ def test_a_failed_cell_keeps_its_recording(tmp_path):
 
 
 def test_names_of_hard_scenes_are_known_without_building_them(monkeypatch):
+    """Names and levels need no scene; each scene has the name that it is listed by."""
     monkeypatch.setattr("touchstone.scenarios.difficulty.family.Family.scene", None)
     assert len(hard_names()) == sum(len(one.levels) for one in families().values())
     assert level_text(1e-5) == "1e-5"
@@ -96,6 +100,7 @@ def test_names_of_hard_scenes_are_known_without_building_them(monkeypatch):
 
 @pytest.mark.parametrize("name", families())
 def test_every_level_is_a_valid_scene(name):
+    """All levels of a family build, in the tag `hard`, with steps from 1/30 s on."""
     family = families()[name]
     assert family.summary
     for level in family.levels:
@@ -129,6 +134,7 @@ def test_the_label_tells_the_tracker():
     ],
 )
 def test_laws_hold_whatever_the_tracker(metric, passing, failing):
+    """Judge a law by the limit of the profile without its tracker."""
     assert judged(replace(ROW, metric=metric, value=passing), TAGS).verdict == "pass"
     found = judged(replace(ROW, metric=metric, value=failing), TAGS)
     assert (found.verdict, found.profile) == ("fail", LABEL)
@@ -138,6 +144,7 @@ def test_laws_hold_whatever_the_tracker(metric, passing, failing):
     "metric", ["contact.gap", "joint.speed", "posture.over_best", "contact.impulse_balance.driven"]
 )
 def test_limits_of_the_ideal_tracker_do_not_apply(metric):
+    """Give no verdict, however large or small the value, and say why."""
     for value in (0.0, 1e3):
         found = judged(replace(ROW, metric=metric, value=value), TAGS)
         assert (found.verdict, found.basis, found.reason) == ("", UNAPPLIED, NOT_IDEAL)
@@ -173,10 +180,12 @@ def test_what_noise_alone_shows_may_be_known(monkeypatch):
 
 
 def test_ideal_trackers_are_judged_as_ever():
+    """Hand rows without the label to the limits."""
     assert judged(replace(ROW, profile="balanced", metric="joint.speed", value=1e3), TAGS).verdict == "fail"
 
 
 def test_what_does_not_apply_is_counted():
+    """Count a limit that does not apply as such, with its reason, and not as met."""
     rows = [judged(row, TAGS) for row in (ROW, replace(ROW, metric="joint.speed", value=1.0))]
     count = counted(rows, [("reference", LABEL)])["reference", LABEL]
     assert (count.text, count.not_applicable) == ("1 of 2 (1)", {"joint.speed": NOT_IDEAL})

@@ -122,6 +122,7 @@ def test_json_is_refused_by_line(scene, text, expected):
 
 
 def test_files_that_cannot_be_read(tmp_path):
+    """A missing file, a folder and a file that is no text: one line each."""
     (tmp_path / "bin.toml").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "dir.toml").mkdir()
     for name, reason in (
@@ -189,6 +190,7 @@ def test_a_body_of_several_pieces_is_uniform(scene):
 
 
 def test_python_files_give_marked_scenes(tmp_path):
+    """Functions marked @scene give scenes; what fails is named with its line, without a traceback."""
     path = tmp_path / "mine.py"
     path.write_text(
         "from dataclasses import replace\n"
@@ -221,6 +223,7 @@ def test_the_schema_names_every_field():
 
 
 def test_a_prescribed_body_in_a_file(tmp_path):
+    """It needs no mass; a coupling and two poses at one time are refused with their lines."""
     text = """duration = 1.0
 coefficients = [{ material_a = "m", material_b = "m", restitution = 0.0, friction = 0.5 }]
 
@@ -281,6 +284,7 @@ def test_a_height_field_gives_a_body_its_pieces(scene):
     ],
 )
 def test_a_wrong_height_field_is_one_line(scene, old, new, expected):
+    """Each fault names its file, its line and what is expected."""
     (fault,) = scene(SOUND + FIELD.replace(old, new))
     assert fault.startswith(f"drop.toml:{expected}")
 
@@ -311,6 +315,7 @@ f -2 -4 -1
 
 
 def test_a_mesh_gives_a_body_its_pieces(scene, tmp_path):
+    """A tetrahedron per triangle, of lists, of an OBJ file, and of STL as text and binary."""
     expected = scene(SOUND + MESH).bodies[1].pieces
     assert [piece.name for piece in expected] == [f"triangle_{k}" for k in range(4)]
     corners = np.array([piece.shape.vertices[:3] for piece in expected])
@@ -347,6 +352,7 @@ def test_a_mesh_gives_a_body_its_pieces(scene, tmp_path):
     ],
 )
 def test_a_wrong_mesh_names_its_place(scene, old, new, line, expected):
+    """The first fault has its file, its line and what is expected."""
     fault, *_ = scene(SOUND + MESH.replace(old, new))
     assert fault.startswith(f"drop.toml:{line}: bodies[1].mesh.{expected}")
 

@@ -27,6 +27,7 @@ def bits(scenario: Scenario) -> str:
 
 @pytest.mark.parametrize("form", ["json", "toml"])
 def test_every_scene_survives_a_file(form, tmp_path):
+    """Each scene of the catalogue is equal after a file: in value, and in the sign of its zeros."""
     for scenario in catalogue().values():
         read = again(scenario, form, tmp_path)
         assert read == scenario, scenario.name
