@@ -128,7 +128,7 @@ def solve_resting_contacts(world, count, time, h):
         if carried:
             _turn_friction(world, count, h)
         _solve_positions(world, count, h, False)
-        if state["led_loop"] == 1 and state["dense_substep"] == 0 and _laws_differ(bodies, pairs, count):
+        if state["led_loop"] == 1 and _laws_differ(bodies, pairs, count):
             for k in range(count):
                 copy_vector(pairs[k]["spare"], pairs[k]["resting_impulse"])
             _correct_velocities(world, count, h)
@@ -547,7 +547,7 @@ def _solve_positions(world, count, h, again):
     sets the paths of their bodies, not their velocities.
 
     In a dense substep it sets velocities too if a driver on its coupling is in the loop: where a contact
-    opens and closes, only the force that closes the gap does no work along the ways of both bodies.
+    opens and closes, only under the force that closes the gap does one body gain what the other loses.
 
     It starts from the impulses of the law of velocities or, if `again`, from those that it found before.
     """
