@@ -78,13 +78,18 @@ from touchstone.reference_impl.posture.global_depth import largest_depth
 from touchstone.reference_impl.posture.overlap_removal import remove_overlap
 from touchstone.reference_impl.posture.virtual_coupling import follow_tracker
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
-from touchstone.reference_impl.solver.tolerances import NEWTON_WORK
+from touchstone.reference_impl.solver.tolerances import NEWTON_WORK, RESIDUAL_OPEN
 
 DENSE_CALM = 4
 """Events of a crowded frame from which the next one is crowded from its start."""
-UNPAID_ATTEMPTS, UNPAID_SHARE = 4, 0.25
+UNPAID_ATTEMPTS, UNPAID_SHARE = 8, 0.25
 """Most repetitions of a substep whose separation adds energy that no motion pays, and the share of its length
 that each takes [1]."""
+ELAPSED_SHARE = 0.99
+"""Share of a repeated substep that has to elapse before an event for its forces to count as those of its
+end."""
+OPEN_HALVINGS = 8
+"""Most halvings in a frame of substeps whose contacts found no solution."""
 SINKING_HALVINGS = 2
 """Most halvings of a substep for a contact that agrees at its end alone, and sinks there."""
 WAY_ERROR = 1e-7
@@ -227,7 +232,7 @@ def _simulate(world):
     """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
     bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
     vertices, pairs, state = world.vertices, world.pairs, world.state
-    left = state["dt"]
+    left, opened = state["dt"], 0
     if state["skip_drive"] == 0 and state["driven_isolated"] == 0:
         for d in range(state["driven_count"]):
             if drivers[d]["chain_count"] == 0 or may_touch(bodies, joints, drivers[d], state["dt"]):
@@ -262,16 +267,20 @@ def _simulate(world):
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
         # bodies sink less in a shorter substep, and separation lifts them less
-        early, sunk = False, 0
+        wanted, sunk = 1.0, 0
         for _ in range(UNPAID_ATTEMPTS):
-            if state["halves"] == 1:
+            if opened < OPEN_HALVINGS and state["residual"] > max(RESIDUAL_OPEN, state["past_residual"]):
+                # contacts without a solution over a substep may have one over another
+                opened += 1
+                h *= 0.5
+            elif state["halves"] == 1:
                 # what is jammed sinks however short the substep
                 sunk += 1
                 state["may_halve"] = 1 if sunk < SINKING_HALVINGS else 0
                 h *= fraction
-            elif fraction < 1 and not early and (leads_to_end(drivers, state) or state["unpaid_energy"] > 0):
+            elif fraction < wanted and (leads_to_end(drivers, state) or state["unpaid_energy"] > 0):
                 # such forces are exact at the end of a substep, not within
-                early = True
+                wanted = ELAPSED_SHARE
                 h *= fraction
             elif state["unpaid_energy"] > 0:
                 h *= UNPAID_SHARE * fraction
