@@ -232,7 +232,7 @@ def _simulate(world):
     """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
     bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
     vertices, pairs, state = world.vertices, world.pairs, world.state
-    left, opened = state["dt"], 0
+    left, halved = state["dt"], 0
     if state["skip_drive"] == 0 and state["driven_isolated"] == 0:
         for d in range(state["driven_count"]):
             if drivers[d]["chain_count"] == 0 or may_touch(bodies, joints, drivers[d], state["dt"]):
@@ -269,9 +269,9 @@ def _simulate(world):
         # bodies sink less in a shorter substep, and separation lifts them less
         wanted, sunk = 1.0, 0
         for _ in range(UNPAID_ATTEMPTS):
-            if opened < OPEN_HALVINGS and state["residual"] > max(RESIDUAL_OPEN, state["past_residual"]):
+            if halved < OPEN_HALVINGS and state["residual"] > max(RESIDUAL_OPEN, state["past_residual"]):
                 # contacts without a solution over a substep may have one over another
-                opened += 1
+                halved += 1
                 h *= 0.5
             elif state["halves"] == 1:
                 # what is jammed sinks however short the substep

@@ -35,7 +35,6 @@ the island takes the impulses of a few sweeps, and has the residual that they le
 from math import inf
 
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
-from touchstone.reference_impl.core.conventions import APPROACH_MIN
 from touchstone.reference_impl.core.counters import (
     COUNT_GUARDED,
     COUNT_OPEN_SOLVES,
@@ -161,10 +160,6 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
         state["counters"][COUNT_GUARDED] += 1
         _stop_rebound(solver)
         solve_loaded(solver, state)
-    if fits and lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_return(solver, pairs):
-        solve_loaded(solver, state)
-    if fits and lasting and solver["best_residual"] > RESIDUAL_OPEN and _stop_turn(solver, pairs, state):
-        solve_loaded(solver, state)
     # where a driver moves, another solve sets the motion, and so the work
     if lasting and solver["led"] == 0 and pushes_along(solver):
         reverse_slip(solver)
@@ -235,39 +230,6 @@ def _stop_rebound(solver):
     for k in range(solver["row_count"]):
         solver["rows"][k]["floor"] = min(0.0, solver["rows"][k]["floor"])
     _return_to_start(solver)
-
-
-@kernel
-def _stop_return(solver, pairs):
-    """Raise the floors of rows that separate slowly to 0, and return to the warm start; returns whether any
-    is raised."""
-    found = False
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        if row["pair"] < 0:
-            continue
-        if -APPROACH_MIN <= row["floor"] < 0 and pairs[row["pair"]]["speculative_speed"] == 0:
-            row["floor"], found = 0.0, True
-    if found:
-        _return_to_start(solver)
-    return found
-
-
-@kernel
-def _stop_turn(solver, pairs, state):
-    """Take from all rows how their velocities change as bodies turn within the substep, and return to the
-    warm start; returns whether any has such a change."""
-    found, share = False, 1 - state["lead"] if solver["led"] == 1 else 1.0
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        if row["pair"] >= 0:
-            bias = pairs[row["pair"]]["bias"]
-            for i in range(3):
-                found = found or bias[i] != 0
-                row["free"][i] -= share * bias[i]
-    if found:
-        _return_to_start(solver)
-    return found
 
 
 @kernel

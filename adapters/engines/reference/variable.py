@@ -100,7 +100,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
     Mechanism("passive impulses", "solver.contact_rows", "make_passive"),
     Mechanism("reversal of slip", "solver.contact_rows", "reverse_slip"),
     Mechanism("rebounds lowered", "solver.contact_solver", "_stop_rebound"),
-    Mechanism("returns held", "solver.contact_solver", "_stop_return", "False"),
     Mechanism("sweep of drivers", "posture.driven_time_of_impact", "sweep_drivers"),
 )
 
