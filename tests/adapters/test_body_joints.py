@@ -16,7 +16,17 @@ from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.families.literature import even
 from touchstone.scenarios.families.mechanisms import ACROSS, mechanism, rod
-from touchstone.scenarios.scenario import Body, BodyJoint, Hull, Piece, Scenario, Sphere, Tracker, vector
+from touchstone.scenarios.scenario import (
+    UNBOUNDED,
+    Body,
+    BodyJoint,
+    Hull,
+    Piece,
+    Scenario,
+    Sphere,
+    Tracker,
+    vector,
+)
 from touchstone.scenarios.solids import ball, slab
 
 ENGINES = [name for name in ("mujoco", "dart", "bullet") if installed(name)]
@@ -178,6 +188,25 @@ def test_coupled_joints_come_near_their_truth(engine: str, scenario: Scenario) -
     coarse, fine = (far(engine, scenario, rate) for rate in (480, 1920))
     assert fine < 0.3 * coarse
     assert coarse < 0.02
+
+
+@pytest.mark.parametrize(
+    ("engine", "rate", "most"), [("reference", 60, 1e-6), ("mujoco", 540, 0.01), ("bullet", 240, 0.01)]
+)
+def test_a_gripper_with_one_motor_lifts(engine: str, rate: int, most: float) -> None:
+    """A motor of twice the force in one finger, which the other mimics: the coupling carries half of it."""
+    if not installed(engine):
+        pytest.skip(f"needs {engine}")
+    scenario = catalogue()["gripper_lifts"]
+    lift, right, left = scenario.body_joints
+    one = replace(right, largest_force=2 * right.largest_force)
+    other = replace(left, damping=0.0, target_rate=0.0, largest_force=UNBOUNDED, mimics=right.name)
+    scenario = replace(scenario, body_joints=(lift, one, other))
+    profile = "balanced" if engine == "reference" else "recommended"
+    kept = record(load(engine), scenario, Settings(profile, 1 / rate))
+    for truth in scenario.truths:
+        true = motion(scenario, truth, kept.time).position
+        assert np.abs(kept.position[:, scenario.body_index(truth.body)] - true).max() < most
 
 
 @pytest.mark.skipif(not installed("bullet"), reason="needs Bullet")

@@ -17,6 +17,7 @@ from touchstone.adapters.recorder import build
 from touchstone.adapters.registry import load
 from touchstone.reports.studies.robustness import assess
 from touchstone.reports.verdict.outcomes import EXACT
+from touchstone.scenarios.body_joints import ALONG_AXIS
 from touchstone.scenarios.files.mass_properties import uniform
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import (
@@ -457,6 +458,20 @@ def test_a_random_mechanism_keeps_what_free_bodies_keep(kind: str, seed: int) ->
     """It gains no energy, overlaps nothing, leaves no residual, and stays joined; 29 and 61 hit limits at
     200 rad/s, 89 bounces with friction, 1 is a jam that turns fast; servos are soft to all but rigid."""
     scenario = random_scene(seed, kind)
+    found = assess(load("reference"), scenario, Settings("balanced", 1 / 60), EXACT)
+    assert found.outcome == "ok", found
+    assert drift(scenario, play(scenario)) < 1e-12
+
+
+@pytest.mark.parametrize("kind", ["mechanism", "servo"])
+@pytest.mark.parametrize("seed", [3, 900, 903])
+def test_a_random_mechanism_with_a_coupling_keeps_as_much(kind: str, seed: int) -> None:
+    """Two of its joints are coupled: with limits, contact and springs it has the same guarantees."""
+    scenario = random_scene(seed, kind)
+    first, second = [one for one in scenario.body_joints if one.type in ALONG_AXIS][:2]
+    coupled = replace(second, mimics=first.name, ratio=-2.0)
+    joints = tuple(coupled if one is second else one for one in scenario.body_joints)
+    scenario = replace(scenario, body_joints=joints)
     found = assess(load("reference"), scenario, Settings("balanced", 1 / 60), EXACT)
     assert found.outcome == "ok", found
     assert drift(scenario, play(scenario)) < 1e-12
