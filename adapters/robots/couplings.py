@@ -82,7 +82,7 @@ def starts_of(model: Any, found: dict[int, Coupling], notes: list[str]) -> dict[
     return starts
 
 
-def couple(parts: Parts, found: Mapping[int, Coupling]) -> None:
+def couple_joints(parts: Parts, found: Mapping[int, Coupling]) -> None:
     """Couple the joints of a scene under construction."""
     names = {source: joint.name for source, joint in zip(parts.start, parts.body_joints)}
     place = {source: k for k, source in enumerate(parts.start)}

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import AdapterError
 from touchstone.adapters.motion_bounds import planned
-from touchstone.adapters.robots.couplings import couple, couplings_of, starts_of
+from touchstone.adapters.robots.couplings import couple_joints, couplings_of, starts_of
 from touchstone.adapters.robots.driven import (
     DURATION,
     MOST_CHAINS,
@@ -118,7 +118,7 @@ def _scene(
         else:
             add_mechanism(source, body, maker, drives, simulated, parts, notes)
     if simulated is not None:
-        couple(parts, coupled)
+        couple_joints(parts, coupled)
         add_exclusions(maker, parts, notes)
     if not parts.trackers and not any(body.kind == "simulated" for body in parts.bodies):
         raise RobotError(NOTHING_MOVES)

@@ -383,7 +383,7 @@ def _set_loops(bodies, joints, driver):
     driver["loop_rows"] = 0
     first, count, o = driver["first_joint"] + driver["joint_count"], driver["hinge_count"], driver["center"]
     x, u = driver["force"], driver["loop_direction"]
-    for k in range(first - driver["joint_count"] if driver["coupling_count"] > 0 else first, first):
+    for k in range(first - driver["joint_count"] if driver["mimic_count"] > 0 else first, first):
         joint = joints[k]
         if joint["mimics"] >= 0:
             for i in range(count):

@@ -214,7 +214,7 @@ DRIVER = record(
     # alone; the first `joint_count` joints are those of its tree, those that close loops follow
     mechanism="i8",  # 1: it is one
     loop_count="i8",
-    coupling_count="i8",  # joints of the tree that mimic others
+    mimic_count="i8",  # joints of the tree that mimic others
     constrained="i8",  # 1: it has either
     gravity=VECTOR,
     stiffened="i8",  # 1: its inertia includes what springs and dampers answer, `answer`

@@ -182,7 +182,7 @@ def close_loops(
             pybullet.changeConstraint(made, maxForce=UNBOUNDED, **on)
 
 
-def couple(scenario: Scenario, link: Mapping[int, tuple[int, int]], on: Mapping[str, int]) -> None:
+def couple_joints(scenario: Scenario, link: Mapping[int, tuple[int, int]], on: Mapping[str, int]) -> None:
     """Couple joints that mimic others, by gears. Between links of two multibodies they exert other forces.
 
     Args:

@@ -102,7 +102,7 @@ def _set_forces(made: Any, joint: BodyJoint, motors: list[tuple[Any, BodyJoint]]
         made.setRestPosition(0, joint.target)
 
 
-def couple(scenario: Scenario, joined: Joined) -> None:
+def couple_joints(scenario: Scenario, joined: Joined) -> None:
     """Couple joints that mimic others by DART's constraint that acts on both, which only the properties of
     joints lead to; the masses of all bodies are set.
 

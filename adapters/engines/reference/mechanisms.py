@@ -63,9 +63,9 @@ def with_mechanisms(
             row["mimics"] = place.get(joint.mimics, -1)
         driver = np.zeros(1, DRIVER)
         _set_coordinates(rows[: len(free) + len(own)], driver, bodies, first, number)
-        driver["loop_count"], driver["coupling_count"] = len(closing), (rows["mimics"] >= 0).sum()
-        driver["constrained"] = driver["loop_count"] + driver["coupling_count"] > 0
-        if driver["coupling_count"] > conventions.LOOP_ROWS:
+        driver["loop_count"], driver["mimic_count"] = len(closing), (rows["mimics"] >= 0).sum()
+        driver["constrained"] = driver["loop_count"] + driver["mimic_count"] > 0
+        if driver["mimic_count"] > conventions.LOOP_ROWS:
             most = conventions.LOOP_ROWS
             raise Unsupported(f"reference: more than {most} couplings of joints in one mechanism")
         for joint in own + closing:
