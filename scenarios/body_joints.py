@@ -260,7 +260,8 @@ def _check_coupling(scenario: Scenario, joint: BodyJoint, sound: set[str], path:
     named = {one.name: one for one in scenario.body_joints}
     other = named.pop(joint.mimics, None)
     if other is None:
-        report(f"{path}.mimics", f"unknown joint {joint.mimics!r}; valid: {', '.join(named)}")
+        valid = ", ".join(name for name in named if name != joint.name)
+        report(f"{path}.mimics", f"unknown joint {joint.mimics!r}; valid: {valid}")
     elif other.name == joint.name:
         report(f"{path}.mimics", f"{joint.name!r} mimics itself")
     elif bent := [one for one in (joint, other) if one.type not in ALONG_AXIS]:

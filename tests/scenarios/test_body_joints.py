@@ -80,11 +80,12 @@ def test_a_fault_is_named_with_its_place(case: str) -> None:
 
 
 def test_couplings_name_the_joint_that_mimics_none() -> None:
-    """A joint that mimics another is mimicked by none, and a ball by none either; the message names it."""
+    """A joint that mimics another is mimicked by none, nor is a ball; the message names what is valid."""
     first = replace(HINGE, mimics="joint_2")
     assert fault_of(first, replace(SECOND, mimics="joint_1")) == (
         "body_joints[0].mimics: 'joint_2' itself mimics 'joint_1': give the ratio to it"
     )
+    assert fault_of(HINGE, replace(SECOND, mimics="joint_3")).endswith("'joint_3'; valid: joint_1")
     ball_joint = replace(HINGE, type="ball")
     assert fault_of(ball_joint, replace(SECOND, mimics="joint_1")) == (
         "body_joints[1].mimics: 'joint_1' is a ball joint, expected a hinge or slider"
