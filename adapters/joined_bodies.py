@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from touchstone.adapters.contract import Array, Unsupported
-from touchstone.scenarios.body_joints import is_limited, mass_center
+from touchstone.scenarios.body_joints import coupled_names, is_limited, mass_center
 from touchstone.scenarios.scenario import Body, BodyJoint, Scenario
 
 FAR = 1e9
@@ -58,17 +58,25 @@ def laws(joints: Sequence[BodyJoint]) -> Array:
     return np.array([[getattr(joint, field) for joint in joints] for field in fields])
 
 
-def closing_points(engine: str, joint: BodyJoint, child: Body) -> list[Array]:
+def require_uncoupled(engine: str, scenario: Scenario, joint: BodyJoint) -> None:
+    """Refuse a coupling of a joint that closes a loop: its position is none of the tree's."""
+    if joint.name in coupled_names(scenario):
+        raise Unsupported(f"{engine}: no coupled joint closes a loop ({joint.name!r})")
+
+
+def closing_points(engine: str, scenario: Scenario, joint: BodyJoint) -> list[Array]:
     """Points at which constraints hold both bodies of a joint that closes a loop: its anchor, or of a hinge
     two on its axis, as far apart as the child's centre of mass is from the anchor.
 
     Raises:
-        Unsupported: a slider, or a joint with a spring, a damper, a motor or a limit.
+        Unsupported: a slider, or a joint with a spring, a damper, a motor, a limit or a coupling.
     """
+    require_uncoupled(engine, scenario, joint)
     if joint.type == "slider" or joint.stiffness or joint.damping or is_limited(joint):
         raise Unsupported(f"{engine}: no {joint.type} with forces or limits closes a loop ({joint.name!r})")
     anchor = np.array(joint.anchor)
     if joint.type != "hinge":
         return [anchor]
+    child = scenario.bodies[scenario.body_index(joint.child)]
     arm = float(np.linalg.norm(mass_center(child) - joint.anchor)) or 1.0
     return [anchor + side * arm * np.array(joint.axis) for side in (-0.5, 0.5)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import get_args, get_type_hints
 
@@ -32,10 +32,11 @@ def spanning_trees(scenario: Scenario) -> tuple[list[BodyJoint], list[BodyJoint]
     """Joints as trees and loops: the first list joins each body to its tree, parents before children; the
     second closes loops.
 
-    Trees grow from bodies that no contact moves, else from the first body of a mechanism, along sliders and
-    joints with forces first: engines close loops with others. Where a tree enters
+    Trees grow from bodies that no contact moves, else from the first body of a mechanism, along sliders,
+    coupled joints and those with forces first: engines close loops with others. Where a tree enters
     a joint by its child, parent and child are exchanged and the axis is reversed: q stays the same.
     """
+    coupled = coupled_names(scenario)
     simulated = {body.name for body in scenario.bodies if body.kind == "simulated"}
     left, tree, loops = list(scenario.body_joints), [], []
     reached = {WORLD, *(body.name for body in scenario.bodies if body.kind != "simulated")}
@@ -49,7 +50,8 @@ def spanning_trees(scenario: Scenario) -> tuple[list[BodyJoint], list[BodyJoint]
             left.remove(closing[0])
             loops.append(closing[0])
             continue
-        entered = next(filter(_belongs_in_tree, near), near[0])
+        preferred = (one for one in near if one.name in coupled or _belongs_in_tree(one))
+        entered = next(preferred, near[0])
         left.remove(entered)
         if entered.parent not in reached:
             entered = reversed_joint(entered)
@@ -57,6 +59,11 @@ def spanning_trees(scenario: Scenario) -> tuple[list[BodyJoint], list[BodyJoint]
         reached.add(entered.child)
     assert all(joint.child in simulated for joint in tree)
     return tree, loops
+
+
+def coupled_names(scenario: Scenario) -> set[str]:
+    """Names of the joints that mimic others, and of these."""
+    return {name for joint in scenario.body_joints if joint.mimics for name in (joint.name, joint.mimics)}
 
 
 def is_limited(joint: BodyJoint) -> bool:
@@ -76,12 +83,13 @@ def reversed_joint(joint: BodyJoint) -> BodyJoint:
 
 
 def mechanisms(scenario: Scenario) -> list[list[BodyJoint]]:
-    """Joints of each mechanism: what simulated bodies connect."""
-    groups: list[tuple[set[str], list[BodyJoint]]] = []
+    """Joints of each mechanism: what simulated bodies and couplings connect."""
+    groups: list[tuple[set[tuple[str, str]], list[BodyJoint]]] = []
     simulated = {body.name for body in scenario.bodies if body.kind == "simulated"}
     for joint in scenario.body_joints:
-        names, joints = {joint.parent, joint.child} & simulated, [joint]
-        apart = []
+        names = {("body", name) for name in {joint.parent, joint.child} & simulated}
+        names.add(("joint", joint.mimics or joint.name))
+        joints, apart = [joint], []
         for group in groups:
             if group[0] & names:
                 names, joints = group[0] | names, group[1] + joints
@@ -115,6 +123,11 @@ def beyond(scenario: Scenario, joint: BodyJoint) -> set[str]:
     return sides[0] if WORLD not in sides[0] else sides[1]
 
 
+def equation_count(scenario: Scenario) -> int:
+    """Number of equations of all joints and couplings."""
+    return sum(EQUATIONS[joint.type] + bool(joint.mimics) for joint in scenario.body_joints)
+
+
 def implied_equations(scenario: Scenario) -> int:
     """How many equations of the joints others imply at the start, as in plane loops of hinges."""
     bodies = {body.name: k for k, body in enumerate(scenario.bodies) if body.kind == "simulated"}
@@ -125,7 +138,8 @@ def implied_equations(scenario: Scenario) -> int:
         for name in {joint.parent, joint.child} & bodies.keys()
     ]
     size = max((float(np.linalg.norm(arm)) for arm in arms), default=0.0) or 1.0
-    rows = []
+    rows: list[Array] = []
+    along: dict[str, Array] = {}
     for joint in scenario.body_joints:
         axis = np.array(joint.axis)
         across = np.eye(3) - np.outer(axis, axis)
@@ -136,11 +150,16 @@ def implied_equations(scenario: Scenario) -> int:
         for name, sign in ((joint.child, 1.0), (joint.parent, -1.0)):
             if name in bodies:
                 k, arm = 6 * bodies[name], (np.array(joint.anchor) - centers[name]) / size
-                block[:3, k : k + 3] = sign * slip
-                block[:3, k + 3 : k + 6] = sign * slip @ np.cross(np.eye(3), arm)
-                block[3:, k + 3 : k + 6] = sign * turn
-        rows.append(block)
-    count = sum(EQUATIONS[joint.type] for joint in scenario.body_joints)
+                block[:3, k : k + 3] = sign * np.eye(3)
+                block[:3, k + 3 : k + 6] = sign * np.cross(np.eye(3), arm)
+                block[3:, k + 3 : k + 6] = sign * np.eye(3)
+        along[joint.name] = axis @ block[:3] if joint.type == "slider" else axis @ block[3:] / size
+        rows += [slip @ block[:3], turn @ block[3:]]
+    for joint in scenario.body_joints:
+        if joint.mimics:
+            coupled = along[joint.name] - joint.ratio * along[joint.mimics]
+            rows.append(coupled[None] / (np.linalg.norm(coupled) or 1.0))
+    count = equation_count(scenario)
     values = np.linalg.svd(np.concatenate(rows), compute_uv=False) if rows else np.zeros(0)
     return count - int((values > IMPLIED * values.max(initial=0.0)).sum())
 
@@ -171,7 +190,7 @@ def mass_center(body: Body) -> Array:
 
 def check_body_joints(scenario: Scenario, report: Report) -> None:
     """Report what is wrong with the joints between bodies."""
-    bodies = {body.name: body for body in scenario.bodies}
+    bodies, sound = {body.name: body for body in scenario.bodies}, set[str]()
     for i, joint in enumerate(scenario.body_joints):
         path = f"body_joints[{i}]"
         if joint.type not in TYPES:
@@ -182,6 +201,9 @@ def check_body_joints(scenario: Scenario, report: Report) -> None:
         numbers &= _check_forces(joint, path, report)
         if known and numbers:
             _check_start(joint, bodies.get(joint.parent), bodies[joint.child], path, report)
+            sound.add(joint.name)
+    for i, joint in enumerate(scenario.body_joints):
+        _check_coupling(scenario, joint, sound, f"body_joints[{i}]", report)
 
 
 def _check_bodies(joint: BodyJoint, bodies: dict[str, Body], path: str, report: Report) -> bool:
@@ -225,6 +247,57 @@ def _check_forces(joint: BodyJoint, path: str, report: Report) -> bool:
         if getattr(joint, field) != getattr(FREE, field):
             report(f"{path}.{field}", f"found {getattr(joint, field):g}, which a {joint.type} joint has not")
     return sound
+
+
+def _check_coupling(scenario: Scenario, joint: BodyJoint, sound: set[str], path: str, report: Report) -> None:
+    """Report what is wrong with a coupling; its start only if both joints are `sound`."""
+    if not finite((joint.ratio,), f"{path}.ratio", report, 1, UNBOUNDED):
+        return
+    if not joint.mimics:
+        if joint.ratio != FREE.ratio:
+            report(f"{path}.ratio", f"found {joint.ratio:g}, but {joint.name!r} mimics no joint")
+        return
+    named = {one.name: one for one in scenario.body_joints}
+    other = named.pop(joint.mimics, None)
+    if other is None:
+        valid = ", ".join(name for name in named if name != joint.name)
+        report(f"{path}.mimics", f"unknown joint {joint.mimics!r}; valid: {valid}")
+    elif other.name == joint.name:
+        report(f"{path}.mimics", f"{joint.name!r} mimics itself")
+    elif bent := [one for one in (joint, other) if one.type not in ALONG_AXIS]:
+        expected = " or ".join(ALONG_AXIS)
+        report(f"{path}.mimics", f"{bent[0].name!r} is a {bent[0].type} joint, expected a {expected}")
+    elif other.mimics:
+        report(f"{path}.mimics", f"{other.name!r} itself mimics {other.mimics!r}: give the ratio to it")
+    elif joint.ratio == 0:
+        report(f"{path}.ratio", "found 0, expected another number; what stands still is a fixed joint")
+    elif {joint.name, other.name} <= sound:
+        _check_coupled_start(scenario, joint, other, path, report)
+
+
+def _check_coupled_start(
+    scenario: Scenario, joint: BodyJoint, other: BodyJoint, path: str, report: Report
+) -> None:
+    """Report a rate of the start that the coupling does not allow. Prescribed parents are not checked."""
+    bodies = {body.name: body for body in scenario.bodies}
+    if any(one.parent and bodies[one.parent].kind == "prescribed" for one in (joint, other)):
+        return
+    (rate, most), (given, fastest) = (_start_rate(one, bodies) for one in (joint, other))
+    if abs(rate - joint.ratio * given) > PARTING * (most + abs(joint.ratio) * fastest):
+        unit = "m/s" if joint.type == "slider" else "rad/s"
+        expected = f"expected {joint.ratio * given:g}, {joint.ratio:g} times the rate of {other.name!r}"
+        report(path, f"{joint.name!r} starts at {rate:g} {unit}, {expected}")
+
+
+def _start_rate(joint: BodyJoint, bodies: Mapping[str, Body]) -> tuple[float, float]:
+    """Rate of a hinge or slider at the start, and the speeds of which it is a difference [rad/s, m/s]."""
+    parent, child, axis = bodies.get(joint.parent), bodies[joint.child], np.array(joint.axis)
+    if joint.type == "slider":
+        pace = point_velocity(child, joint.anchor) - point_velocity(parent, joint.anchor)
+        return float(pace @ axis), _fastest(child, joint.anchor) + _fastest(parent, joint.anchor)
+    spin = np.array(ORIGIN if parent is None else parent.angular_velocity)
+    turn = np.array(child.angular_velocity)
+    return float((turn - spin) @ axis), float(np.linalg.norm(turn) + np.linalg.norm(spin))
 
 
 def _check_start(joint: BodyJoint, parent: Body | None, child: Body, path: str, report: Report) -> None:

@@ -235,6 +235,9 @@ class BodyJoint(ShortRepr):
     have neither limits nor springs. q stays between `lower` and `upper`. The joint exerts the force [N] or
     torque [N m] `stiffness` (`target` - q) + `damping` (`target_rate` - dq/dt), at most `largest_force`:
     a spring, a damper or a motor; in a ball joint -`damping` times the relative angular velocity.
+
+    A hinge or slider that `mimics` another, by its name, is coupled with it: q is `ratio` times the position
+    of that one, and the forces of the coupling act on both.
     """
 
     name: str
@@ -250,6 +253,8 @@ class BodyJoint(ShortRepr):
     target: float = 0.0
     target_rate: float = 0.0
     largest_force: float = UNBOUNDED
+    mimics: str = ""
+    ratio: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, repr=False)

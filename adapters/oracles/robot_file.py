@@ -319,7 +319,9 @@ def _of_mechanism(found: Imported, tree: FileTree) -> dict[str, float]:
         return dict.fromkeys(QUANTITIES, inf)
     root = next((name for name in bodies if all(joint.child != name for joint in joints)), "")
     place, turn = tree.pose or (np.array(bodies[root].position), matrix(bodies[root].orientation))
-    start = {name: float(np.clip(0.0, *hinge.limits)) for name, hinge in tree.hinges.items()}
+    start = {
+        name: found.start.get(name, float(np.clip(0.0, *hinge.limits))) for name, hinge in tree.hinges.items()
+    }
     rng, size = np.random.default_rng(0), 1.0
     for k in range(POSTURES):
         moved = {joint.name for joint in joints} & set(tree.turned)

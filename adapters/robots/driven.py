@@ -37,7 +37,9 @@ class Parts:
     Attributes:
         standing: names of the bodies of mechanisms on the world.
         geoms: of a body the index of its tree's root in the model, 0 for the world, and its geoms there.
-        start: of the model's joints the coordinate at the start, from its reference [rad, m].
+        start: of the model's joints the coordinate at the start, from its reference [rad, m], in the order
+            of `body_joints`.
+        coupled: the same of those that are coupled, known before.
     """
 
     bodies: list[Body] = field(default_factory=list)
@@ -49,6 +51,7 @@ class Parts:
     standing: set[str] = field(default_factory=set)
     geoms: dict[str, tuple[int, list[int]]] = field(default_factory=dict)
     start: dict[int, float] = field(default_factory=dict)
+    coupled: dict[int, float] = field(default_factory=dict)
 
 
 def free_name(name: str, taken: Collection[str]) -> str:

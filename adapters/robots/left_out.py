@@ -34,7 +34,8 @@ def friction_of(model: Any, notes: list[str]) -> float:
 
 def left_out(source: Source, kept: Collection[str] | None) -> list[str]:
     """A line per kind of thing that is not in the scene; `kept`: names of the hinges of driven bodies, None
-    for a simulated robot, which keeps springs, damping, actuators and exclusions."""
+    for a simulated robot, which keeps springs, damping, actuators and exclusions; `couplings.py` has its
+    couplings of joints."""
     model, notes, driven = source.model, [], kept is not None
     for section, text in SECTIONS.items():
         if section == "actuator" and not driven:
@@ -52,6 +53,8 @@ def left_out(source: Source, kept: Collection[str] | None) -> list[str]:
         for one in source.root.walk()
         if one.tag == "joint" and any(child.tag == "mimic" for child in one.children)
     ]
+    if not driven:
+        equalities, mimics = [one for one in equalities if one.tag != "joint"], []
     for coupled in (*equalities, *mimics):
         name = coupled.attributes.get("joint1") or coupled.attributes.get("name") or coupled.tag
         notes.append(f"left out: the coupling of joint {name!r}")

@@ -23,6 +23,8 @@ from touchstone.scenarios.scenario import UNBOUNDED
 HINGE, SLIDE, BALL, FREE = (
     int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("HINGE", "SLIDE", "BALL", "FREE")
 )
+COUPLING = int(mujoco.mjtEq.mjEQ_JOINT)
+"""Type of equalities of two joints."""
 KINDS: dict[int, Literal["hinge", "slider", "ball"]] = {HINGE: "hinge", SLIDE: "slider", BALL: "ball"}
 """Types of joints between the links of a simulated mechanism."""
 SHARE, LEAST_SHARE = 0.1, 1e-4
@@ -133,6 +135,15 @@ def joint_name(model: Any, joint: int) -> str:
     return model.joint(joint).name or f"joint_{joint}"
 
 
+def position_limits(model: Any, joint: int, unlimited: float) -> tuple[float, float]:
+    """Limits of a hinge or slider from the model's reference [rad, m]; `unlimited` both ways without any."""
+    if not model.jnt_limited[joint]:
+        return -unlimited, unlimited
+    low, high = model.jnt_range[joint].tolist()
+    start = float(model.qpos0[model.jnt_qposadr[joint]])
+    return low - start, high - start
+
+
 class TreeBuilder:
     """Links of the tree below one body, parents first; `notes` names what cannot be kept.
 
@@ -176,18 +187,16 @@ class TreeBuilder:
         unlimited = UNBOUNDED if self._simulated else UNLIMITED
         for joint in joints_of(model, body):
             name, kind = joint_name(model, joint), int(model.jnt_type[joint])
-            anchor, limited = model.jnt_pos[joint].copy(), bool(model.jnt_limited[joint])
-            low, high = model.jnt_range[joint].tolist() if limited else (-unlimited, unlimited)
+            anchor = model.jnt_pos[joint].copy()
             if kind == HINGE or (kind == SLIDE and self._simulated):
-                start = float(model.qpos0[model.jnt_qposadr[joint]])
                 axis = model.jnt_axis[joint] / np.linalg.norm(model.jnt_axis[joint])
-                limits = (low - start, high - start) if limited else (low, high)
+                limits = position_limits(model, joint, unlimited)
                 found.append(Freedom(name, anchor, axis, limits, KINDS[kind], joint))
             elif kind == BALL and self._simulated:
                 bounds = -UNBOUNDED, UNBOUNDED
                 found.append(Freedom(name, anchor, np.array((0.0, 0.0, 1.0)), bounds, "ball", joint))
             elif kind == BALL:
-                most = high if limited else np.pi
+                most = float(model.jnt_range[joint, 1]) if model.jnt_limited[joint] else np.pi
                 for letter, axis in zip("xyz", np.eye(3)):
                     found.append(Freedom(f"{name}_{letter}", anchor, axis, (-most, most), "hinge", joint))
         return found

@@ -3,6 +3,7 @@ world."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -67,7 +68,7 @@ def add_mechanism(
     builder.add_root(body, WORLD if on_world else None)
     links = builder.links
     still = on_world or (len(links) > 1 and (way.fixed_base or (not kinds and _stands(source))))
-    tree = _posed(links, still)
+    tree = _posed(links, still, parts.coupled)
     bodies: list[Body] = []
     for k, link in enumerate(links):
         if k == 0 and on_world:
@@ -102,12 +103,12 @@ def _stands(source: Source) -> bool:
     )
 
 
-def _posed(links: list[Link], still: bool) -> _Tree:
-    """Poses of all links at the start, where each joint is at 0 or at the limit next to it."""
+def _posed(links: list[Link], still: bool, starts: Mapping[int, float]) -> _Tree:
+    """Poses of all links at the start: joints are as in `starts`, else at 0 or the limit next to it."""
     tree = _Tree(links, [links[0].place], [links[0].turn], [0.0], still)
     for link in links[1:]:
         place, turn = tree.places[link.parent], tree.turns[link.parent]
-        q = float(np.clip(0.0, *link.limits))
+        q = starts.get(link.source, float(np.clip(0.0, *link.limits)))
         at = place + turn @ link.place
         if link.kind == "slider":
             at = at + turn @ link.axis * q

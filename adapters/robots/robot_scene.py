@@ -8,7 +8,8 @@ one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import AdapterError
 from touchstone.adapters.motion_bounds import planned
+from touchstone.adapters.robots.couplings import couple_joints, couplings_of, starts_of
 from touchstone.adapters.robots.driven import (
     DURATION,
     MOST_CHAINS,
@@ -47,10 +49,12 @@ NOTHING_MOVES = "nothing in it can move"
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """A robot's scene, and a line for each thing that could not be kept as it was."""
+    """A robot's scene, a line for each thing that could not be kept as it was, and of a simulated robot the
+    positions of the joints at the start, as the file counts them [rad, m]."""
 
     scenario: Scenario
     notes: tuple[str, ...]
+    start: Mapping[str, float] = field(default_factory=dict)
 
 
 def imported(
@@ -65,16 +69,17 @@ def imported(
         RobotError: the file is not valid, or holds what no scene can represent; a line per fault.
     """
     source = compiled(path, allow_paths)
-    notes = [f"MuJoCo: {text}" for text in source.warned]
+    notes, parts = [f"MuJoCo: {text}" for text in source.warned], Parts()
     try:
-        scenario = _scene(source, name, path.name, notes, simulated)
+        scenario = _scene(source, (name, path.name), parts, notes, simulated)
     except ScenarioError as error:
         lines = "\n".join(f"{path}: {where}: {text}" for where, text in error.faults)
         raise RobotError(lines) from error
     except RobotError as error:
         raise RobotError(f"{path}: {error}") from error
     if simulated is not None:
-        return Imported(scenario, (*notes, *left_out(source, None)))
+        start = {joint.name: q for joint, q in zip(scenario.body_joints, parts.start.values())}
+        return Imported(scenario, (*notes, *left_out(source, None)), start)
     try:
         planned(scenario, None)
     except AdapterError as error:
@@ -91,11 +96,15 @@ def imported(
     return Imported(scenario, (*notes, *left_out(source, kept)))
 
 
-def _scene(source: Source, name: str, file: str, notes: list[str], simulated: Simulated | None) -> Scenario:
-    model = source.model
-    parts = Parts()
+def _scene(
+    source: Source, names: tuple[str, str], parts: Parts, notes: list[str], simulated: Simulated | None
+) -> Scenario:
+    """The scene, by its name and that of its file, whose `parts` are empty before."""
+    model, (name, file) = source.model, names
     maker = PieceMaker(model, notes)
     drives = {} if simulated is None else drives_of(model, notes)
+    coupled = {} if simulated is None else couplings_of(model, notes)
+    parts.coupled |= starts_of(model, coupled, notes)
     _add_fixed(model, 0, "world", maker, parts)
     for body in range(1, model.nbody):
         if model.body_parentid[body] != 0:
@@ -109,6 +118,7 @@ def _scene(source: Source, name: str, file: str, notes: list[str], simulated: Si
         else:
             add_mechanism(source, body, maker, drives, simulated, parts, notes)
     if simulated is not None:
+        couple_joints(parts, coupled)
         add_exclusions(maker, parts, notes)
     if not parts.trackers and not any(body.kind == "simulated" for body in parts.bodies):
         raise RobotError(NOTHING_MOVES)

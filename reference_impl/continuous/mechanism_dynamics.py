@@ -3,7 +3,8 @@
     M q'' = Q + G' l,    G q'' = -c
 
 M is the joint-space inertia by composite bodies, Q the forces of gravity, joints, and rotation, G the rates
-at which the joints of loops part, and c their acceleration at q'' = 0. With M = L L', y = L' q' are
+at which the joints of loops part, and c their acceleration at q'' = 0; a coupling of two joints of the tree
+has a row of G, too, which is constant. With M = L L', y = L' q' are
 coordinates of unit mass. In these, loops leave what is perpendicular to the columns of A = L^-1 G': their
 orthonormal basis has no row for a constraint that depends on others, so redundant loops share their forces in
 the sense of least squares.
@@ -58,7 +59,7 @@ def factorise(s, count):
 
 @kernel
 def weigh_mechanism(bodies, joints, driver):
-    """Factorise the inertia of a mechanism and the constraints of its loops, at its bodies' present poses."""
+    """Factorise the inertia of a mechanism and its constraints, at its bodies' present poses."""
     first, end, c = driver["first_joint"], driver["first_joint"] + driver["joint_count"], driver["center"]
     s = driver["hinge_factor"]
     for k in range(first, end):
@@ -378,16 +379,23 @@ def add_rows(joints, b, bodies, point, out_row, u, sign):
 
 @kernel
 def _set_loops(bodies, joints, driver):
-    """Orthonormal basis of the constraints of loops, by Gram and Schmidt, twice."""
+    """Orthonormal basis of the constraints of couplings and loops."""
     driver["loop_rows"] = 0
     first, count, o = driver["first_joint"] + driver["joint_count"], driver["hinge_count"], driver["center"]
     x, u = driver["force"], driver["loop_direction"]
+    for k in range(first - driver["joint_count"] if driver["mimic_count"] > 0 else first, first):
+        joint = joints[k]
+        if joint["mimics"] >= 0:
+            for i in range(count):
+                x[i] = 0.0
+            x[joint["coordinate"]], x[joints[joint["mimics"]]["coordinate"]] = 1.0, -joint["ratio"]
+            solve_lower(driver["hinge_factor"], count, x)
+            _add_constraint(driver, x, 0.0, 6 * k)
     for k in range(first, first + driver["loop_count"]):
         joint = joints[k]
         point = plus(child_point(bodies, joint), -1.0, o)
         for c in range(6):
-            n = driver["loop_rows"]
-            if n == LOOP_ROWS or not loop_rates(bodies, joint, c, u):
+            if driver["loop_rows"] == LOOP_ROWS or not loop_rates(bodies, joint, c, u):
                 continue
             for i in range(count):
                 x[i] = 0.0
@@ -399,36 +407,41 @@ def _set_loops(bodies, joints, driver):
             whole = 1 / bodies[joint["child"]]["mass"]
             if c >= 3:
                 whole = 3 / (inertia[0, 0] + inertia[1, 1] + inertia[2, 2])
-            square = 0.0
+            _add_constraint(driver, x, whole, 6 * k + c)
+
+
+@kernel
+def _add_constraint(driver, x, whole, place):
+    """Add a constraint x, in coordinates of unit mass, to the orthonormal basis, by Gram and Schmidt, twice;
+    one that depends on those before is left out. `whole`: least square of one that does not."""
+    n, count, r, square = driver["loop_rows"], driver["hinge_count"], driver["loop_factor"], 0.0
+    for i in range(count):
+        square += x[i] * x[i]
+    whole = max(whole, square)
+    for j in range(n):
+        r[n, j] = 0.0
+    for _ in range(2):
+        for j in range(n):
+            along = 0.0
             for i in range(count):
-                square += x[i] * x[i]
-            whole = max(whole, square)
-            r = driver["loop_factor"]
-            for j in range(n):
-                r[n, j] = 0.0
-            for _ in range(2):
-                for j in range(n):
-                    along = 0.0
-                    for i in range(count):
-                        along += driver["loop_basis"][j, i] * x[i]
-                    r[n, j] += along
-                    for i in range(count):
-                        x[i] -= along * driver["loop_basis"][j, i]
-            left = 0.0
+                along += driver["loop_basis"][j, i] * x[i]
+            r[n, j] += along
             for i in range(count):
-                left += x[i] * x[i]
-            if left <= DEPENDENT * DEPENDENT * whole:
-                continue
-            r[n, n] = sqrt(left)
-            for i in range(count):
-                driver["loop_basis"][n, i] = x[i] / r[n, n]
-            driver["loop_row"][n] = 6 * k + c
-            driver["loop_rows"] = n + 1
+                x[i] -= along * driver["loop_basis"][j, i]
+    left = 0.0
+    for i in range(count):
+        left += x[i] * x[i]
+    if left > DEPENDENT * DEPENDENT * whole:
+        r[n, n] = sqrt(left)
+        for i in range(count):
+            driver["loop_basis"][n, i] = x[i] / r[n, n]
+        driver["loop_row"][n] = place
+        driver["loop_rows"] = n + 1
 
 
 @kernel
 def keep_loops(driver, x):
-    """Remove from coordinates of unit mass what opens loops."""
+    """Remove from coordinates of unit mass what opens loops or slips in couplings."""
     for j in range(driver["loop_rows"]):
         along = 0.0
         for i in range(driver["hinge_count"]):
@@ -451,13 +464,18 @@ def _answer_errors(driver, x):
 
 @kernel
 def close_loops(bodies, joints, driver):
-    """Close a mechanism's loops by the least motion, measured by its inertia, and stop their parting; poses
-    and moves its bodies, and leaves it weighed there."""
-    count, x = driver["hinge_count"], driver["force"]
+    """Close a mechanism's loops and couplings by the least motion, measured by its inertia, and stop their
+    parting; poses and moves its bodies, and leaves it weighed there."""
+    count, x, q = driver["hinge_count"], driver["force"], driver["positions"]
     for _ in range(CLOSINGS):
         for j in range(driver["loop_rows"]):
             joint, c = joints[driver["loop_row"][j] // 6], driver["loop_row"][j] % 6
             u = driver["loop_direction"]
+            if joint["mimics"] >= 0:
+                driver["loop_error"][j] = (
+                    joint["ratio"] * q[joints[joint["mimics"]]["place"]] - q[joint["place"]]
+                )
+                continue
             loop_rates(bodies, joint, c, u)
             n = (u[0], u[1], u[2]) if c < 3 else (u[3], u[4], u[5])
             driver["loop_error"][j] = -loop_gap(bodies, joint, c, n)
@@ -505,7 +523,7 @@ def set_slope(bodies, joints, driver, out_slope):
             f[i] = body["mass"] * (driver["gravity"][i] - joint["drift"][i])
         u, v, s = cross(plus(body["center"], -1.0, o), f)
         t[0], t[1], t[2] = u - x - t[0], v - y - t[1], s - z - t[2]
-    if driver["loop_count"] == 0:
+    if driver["constrained"] == 0:
         _accelerate_tree(bodies, joints, driver)
     else:
         power += _accelerate_loops(bodies, joints, driver)
@@ -518,8 +536,8 @@ def set_slope(bodies, joints, driver, out_slope):
 
 @kernel
 def _accelerate_loops(bodies, joints, driver):
-    """Set `force` to the accelerations of the rates of a mechanism with loops, which is weighed, from the
-    force and torque on each body; returns the power of joints that close loops [W]."""
+    """Set `force` to the accelerations of the rates of a mechanism with constraints, which is weighed, from
+    the force and torque on each body; returns the power of joints that close loops [W]."""
     first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
     count, force, power = driver["hinge_count"], driver["force"], 0.0
     for k in range(end - 1, first - 1, -1):
@@ -750,8 +768,10 @@ def _set_drift(bodies, joints, joint, rates):
 
 @kernel
 def _parting(bodies, joints, driver, place):
-    """Acceleration of a constraint of a loop at constant rates."""
+    """Acceleration of a constraint at constant rates."""
     joint, c, u = joints[place // 6], place % 6, driver["loop_direction"]
+    if joint["mimics"] >= 0:
+        return 0.0
     loop_rates(bodies, joint, c, u)
     o = child_point(bodies, joint)
     a, alpha, v, w = _point_drift(bodies, joints, joint["child"], o)

@@ -43,14 +43,14 @@ def flow(bodies, joints, driver, time):
     """
     pose_mechanism(bodies, joints, driver)
     move_mechanism(bodies, joints, driver)
-    if driver["loop_count"] > 0 or has_springs(joints, driver):
+    if driver["constrained"] == 1 or has_springs(joints, driver):
         weigh_mechanism(bodies, joints, driver)
     driver["work"] = 0.0
     if _is_stiff(joints, driver, time):
         ended = _flow_implicitly(bodies, joints, driver, time)
     else:
         ended = _flow_explicitly(bodies, joints, driver, time)
-    if driver["loop_count"] > 0:
+    if driver["constrained"] == 1:
         close_loops(bodies, joints, driver)
     return ended
 
@@ -85,10 +85,10 @@ def _stage(bodies, joints, driver, k, a, h):
 
 @kernel
 def _move(bodies, joints, driver):
-    """Pose and move a mechanism's bodies by its positions and rates; weighs it if it has loops."""
+    """Pose and move a mechanism's bodies by its positions and rates; weighs it if it is constrained."""
     pose_mechanism(bodies, joints, driver)
     move_mechanism(bodies, joints, driver)
-    if driver["loop_count"] > 0:
+    if driver["constrained"] == 1:
         weigh_mechanism(bodies, joints, driver)
 
 
@@ -228,7 +228,7 @@ def _steps_of_euler(bodies, joints, driver, steps, h):
         pose_mechanism(bodies, joints, driver)
         move_mechanism(bodies, joints, driver)
         answer_step(joints, driver, h)
-        if driver["loop_count"] > 0:
+        if driver["constrained"] == 1:
             weigh_mechanism(bodies, joints, driver)
         set_slope(bodies, joints, driver, slope)
         driver["stiffened"] = 0

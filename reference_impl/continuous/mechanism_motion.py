@@ -445,7 +445,7 @@ def shift_mechanism(bodies, joints, driver, allowed):
     if allowed:
         add_rates(bodies, joints, driver, driver["force"], 1.0)
         pose_mechanism(bodies, joints, driver)
-        if driver["loop_count"] > 0:
+        if driver["constrained"] == 1:
             weigh_mechanism(bodies, joints, driver)
             close_loops(bodies, joints, driver)
     move_mechanism(bodies, joints, driver)
@@ -480,7 +480,7 @@ def _reach(bodies, joints, driver, s, h):
     if any_gain:
         add_rates(bodies, joints, driver, x, s * s * h / 2)
         pose_mechanism(bodies, joints, driver)
-        if driver["loop_count"] > 0:
+        if driver["constrained"] == 1:
             weigh_mechanism(bodies, joints, driver)
             close_loops(bodies, joints, driver)
 

@@ -102,6 +102,8 @@ JOINT = record(
     damping="f8",
     target="f8",
     largest_force="f8",
+    mimics="i8",  # joint whose position times `ratio` is its own, or -1
+    ratio="f8",
     columns=("f8", (6, 6)),  # velocity at the mechanism's `center` and angular velocity per rate
     articulated=("f8", (6, 6)),  # inertia about that centre of all that it moves, whose joints give way
     bias=("f8", (6,)),  # force and torque about it that they need without acceleration
@@ -212,6 +214,8 @@ DRIVER = record(
     # alone; the first `joint_count` joints are those of its tree, those that close loops follow
     mechanism="i8",  # 1: it is one
     loop_count="i8",
+    mimic_count="i8",  # joints of the tree that mimic others
+    constrained="i8",  # 1: it has either
     gravity=VECTOR,
     stiffened="i8",  # 1: its inertia includes what springs and dampers answer, `answer`
     step_error="f8",  # of a step, in positions and in rates times its length [m or rad]
@@ -227,7 +231,7 @@ DRIVER = record(
     has_path="i8",  # 1: the law of positions was solved
     path_gains=("f8", (HINGE_CAPACITY,)),
     force=("f8", (HINGE_CAPACITY,)),  # scratch: generalised forces
-    loop_rows="i8",  # independent constraints of its loops
+    loop_rows="i8",  # independent constraints of its couplings and loops
     loop_basis=(
         "f8",
         (LOOP_ROWS, HINGE_CAPACITY),

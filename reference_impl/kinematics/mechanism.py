@@ -3,8 +3,8 @@
 Positions and rates of the tree's joints are the coordinates; the tree is therefore kept exactly. A hinge or a
 slider has one position and one rate; a ball joint a quaternion, the orientation of its child in its parent's
 axes, and the child's angular velocity relative to its parent, along the world's axes; a free joint the
-centre of mass and the orientation of its child, and their velocities. Joints that close loops are constraints
-between these coordinates (`continuous/mechanism_dynamics.py`).
+centre of mass and the orientation of its child, and their velocities. Joints that close loops, and couplings,
+are constraints between these coordinates (`continuous/mechanism_dynamics.py`).
 
 A joint's `columns` have the velocity of everything it moves, taken at the mechanism's `center`, and the
 angular velocity per rate.

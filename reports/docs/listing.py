@@ -225,10 +225,10 @@ def effect_rows(scenario: Scenario, measured: bool = False) -> list[dict[str, ob
 
 def loop_line(scenario: Scenario) -> str:
     """What the joints' loops leave open; empty if nothing."""
-    from touchstone.scenarios.body_joints import EQUATIONS, implied_equations
+    from touchstone.scenarios.body_joints import equation_count, implied_equations
 
     implied = implied_equations(scenario)
-    count = sum(EQUATIONS[joint.type] for joint in scenario.body_joints)
+    count = equation_count(scenario)
     text = f"redundant loops: others imply {implied} of the joints' {count} equations; the least forces count"
     return text if implied else ""
 
@@ -262,8 +262,11 @@ def joint_rows(scenario: Scenario) -> list[dict[str, object]]:
                 "forces": ", ".join(
                     f"{name} {value:.4g}" for name, (value, acts) in forces.items() if acts and value
                 ),
+                "coupling": f"{joint.ratio:g} times {joint.mimics}" if joint.mimics else "",
             }
         )
+    if not any(joint.mimics for joint in scenario.body_joints):
+        rows = [{name: value for name, value in row.items() if name != "coupling"} for row in rows]
     return rows
 
 

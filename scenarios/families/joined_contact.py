@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import cos, pi, radians, sin, sqrt
+from typing import Any
 
 import numpy as np
 from scipy.integrate import quad
@@ -67,7 +68,7 @@ def _gripper(name: str, squeeze: float, pace: float, load: float, duration: floa
     wrist = block("wrist", "rubber", (0.1, 0.05, 0.03), WRIST, (0.0, 0.0, 0.3))
     cube = block("cube", "rubber", (HALF,) * 3, MASS, (0.0, 0.0, HALF))
     # motors ask for more than their largest force
-    strong = {"damping": 1000.0, "target_rate": 10.0}
+    strong: dict[str, Any] = {"damping": 1000.0, "target_rate": 10.0}
     up = (0.0, 0.0, 1.0)
     bodies = [wrist]
     joints = [BodyJoint("lift", "slider", "", "wrist", wrist.position, up, largest_force=pull, **strong)]
@@ -102,7 +103,7 @@ CHASSIS, WHEEL_MASS = 4.0, 0.5
 WHOLE = CHASSIS + 4 * WHEEL_MASS
 
 
-def _cart(turn: Rotation, spin: float = 0.0, **motor: float) -> tuple[list[Body], list[BodyJoint]]:
+def _cart(turn: Rotation, spin: float = 0.0, **motor: Any) -> tuple[list[Body], list[BodyJoint]]:
     """A chassis and four wheels on a plane through the origin, with hinges across."""
     up, axis = np.array((0.0, 0.0, WHEEL[0])), vector(turn.apply(ACROSS))
     chassis = block(

@@ -133,6 +133,24 @@ def double_pendulum() -> Scenario:
     return _chain("double_pendulum", "a double pendulum of two rods", places, "hinge", 2.0)
 
 
+GEAR = -2.0
+"""Ratio of the gears of two pendulums [1]."""
+
+
+@scene
+def geared_pendulums() -> Scenario:
+    """A rod swings down from the horizontal, and gears turn a shorter one backwards by twice its angle."""
+    aside = (0.0, 6 * THICK, 0.0)
+    long = rod("long", (0.0, 0.0, 0.0), (0.8, 0.0, 0.0))
+    short = rod("short", aside, vector(np.add(aside, (0.3, 0.0, 0.3))), 2.0)
+    joints = [
+        BodyJoint("shaft_long", "hinge", "", "long", (0.0, 0.0, 0.0), ACROSS),
+        BodyJoint("shaft_short", "hinge", "", "short", aside, ACROSS, mimics="shaft_long", ratio=GEAR),
+    ]
+    summary = "gears couple two pendulums: one turns back by twice the angle of the other"
+    return mechanism("geared_pendulums", summary, [long, short], joints, 2.0, ("conservative",))
+
+
 @scene
 def chain_swings() -> Scenario:
     """Four rods on ball joints swing from one end, each released 30 degrees off to another side."""

@@ -7,6 +7,7 @@ tenth and torques the same. Its x and y are our x and z, its angles turn from x 
 from __future__ import annotations
 
 from math import cos, hypot, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,7 +112,8 @@ def squeezer(strut: float = STRUT) -> Scenario:
         *(("K2", "K6", at["e"]), ("", "K3", at["b"]), ("K4", "K5", at["f"]), ("", "K5", at["a"])),
         *(("K6", "K7", at["h"]), ("", "K7", at["a"]), ("", "strut_1", C), ("K3", "strut_2", at["d"])),
     ]
-    motor = {"damping": 1.0, "target_rate": 100.0, "largest_force": TORQUE * WEIGHT * (SIZE / SLOWED) ** 2}
+    force = TORQUE * WEIGHT * (SIZE / SLOWED) ** 2
+    motor: dict[str, Any] = {"damping": 1.0, "target_rate": 100.0, "largest_force": force}
     joints = [
         BodyJoint(
             f"{parent or 'ground'}_{child}", "hinge", parent, child, _world(place), (0.0, -1.0, 0.0),

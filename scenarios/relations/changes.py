@@ -139,7 +139,11 @@ def similar(scenario: Scenario, times: float, **fields: object) -> Scenario:
     trackers = tuple(
         _rescaled_tracker(one, size, times, not scenario.prescribes(one)) for one in scenario.trackers
     )
-    fields["body_joints"] = tuple(_rescaled_joint(one, size, times) for one in scenario.body_joints)
+    lengths = {one.name: size if one.type == "slider" else 1.0 for one in scenario.body_joints}
+    fields["body_joints"] = tuple(
+        _rescaled_joint(one, lengths[one.name] / lengths[one.mimics or one.name], size, times)
+        for one in scenario.body_joints
+    )
     fields["coefficients"] = tuple(
         replace(
             one,
@@ -151,8 +155,9 @@ def similar(scenario: Scenario, times: float, **fields: object) -> Scenario:
     return bare(scenario, bodies=bodies, joints=joints, trackers=trackers, **fields)
 
 
-def _rescaled_joint(one: BodyJoint, size: float, times: float) -> BodyJoint:
-    """Joint of a scene whose masses stay: forces stay, torques are `size` times as large."""
+def _rescaled_joint(one: BodyJoint, coupled: float, size: float, times: float) -> BodyJoint:
+    """Joint of a scene whose masses stay: forces stay, torques are `size` times as large; `coupled`: what
+    the ratio of its coupling becomes of 1."""
     length = size if one.type == "slider" else 1.0
     scale = size / length
 
@@ -169,6 +174,7 @@ def _rescaled_joint(one: BodyJoint, size: float, times: float) -> BodyJoint:
         target=one.target * length,
         target_rate=one.target_rate * length / times,
         largest_force=bound(one.largest_force, scale),
+        ratio=one.ratio * coupled,
     )
 
 

@@ -3,7 +3,7 @@
 Conventions: a joint's frame is attached to its parent; its columns u_1, u_2, u_3 have the axis last. r_P and
 r_C run from the centres of mass to the joint's points of the parent and the child, d from the parent's point
 to the child's; all in the world. Rows of the constraints are u . d' = 0 in the parent's frame and
-u . (w_C - w_P) = 0.
+u . (w_C - w_P) = 0; of a coupling, the row along one joint's axis less its ratio times the other's.
 
 Accelerations follow from Gauss' principle: they differ least from those without constraints, weighted by the
 masses, among all that keep the second derivatives of the constraints, M^-1/2 (G M^-1/2)^+ (g - G a_0) more.
@@ -149,6 +149,11 @@ class Mechanism:
             name: np.array([getattr(joint, name) for joint in joints])
             for name in ("stiffness", "damping", "target", "target_rate", "largest_force")
         }
+        place = {joints[j].name: k for k, j in enumerate([*self.hinges, *self.sliders])}
+        coupled = [joint for joint in joints if joint.mimics]
+        self.coupled = np.array([place[joint.name] for joint in coupled], dtype=np.intp)
+        self.mimicked = np.array([place[joint.mimics] for joint in coupled], dtype=np.intp)
+        self.ratio = np.array([joint.ratio for joint in coupled])
 
     def start_poses(self) -> tuple[Array, Array]:
         """Centres of mass (b, 3) and rotations (b, 3, 3) of bodies and unmoved parents at the start."""
@@ -171,7 +176,7 @@ class Mechanism:
         )
         n = len(self.bodies)
         places, turns, pace, _ = self.unpacked(0.0, state)
-        rows = self.rows(places, turns, pace)[0]
+        rows = self.rows(places, turns, pace, state[13 * n :])[0]
         scaled = self.scaled(rows.jacobian, turns)
         state[7 * n : 13 * n] += _by_kind(self.unscaled(_least(scaled, -rows.rate), turns))
         return state
@@ -190,12 +195,15 @@ class Mechanism:
             np.array([*np.zeros((n, 6)), *(one[3] for one in known)]),
         )
 
-    def rows(self, places: Array, turns: Array, pace: Array) -> tuple[Rows, Rows, Rows]:
-        """Rows of the constraints, of the axes of sliders, whose error is their travel, and of hinges."""
+    def rows(self, places: Array, turns: Array, pace: Array, angles: Array) -> tuple[Rows, Rows]:
+        """Rows of the constraints, and of the axes of hinges and sliders, whose errors are positions."""
         along, about = self.along(places, turns, pace), self.about(turns, pace)
         n, m = len(along.rate) - len(self.sliders), len(about.rate) - len(self.hinges)
-        kept = Rows(*(np.concatenate([x[:n], y[:m]]) for x, y in zip(along, about)))
-        return kept, Rows(*(x[n:] for x in along)), Rows(*(y[m:] for y in about))
+        axes = Rows(*(np.concatenate([y[m:], x[n:]]) for x, y in zip(along, about)))
+        axes.error[: len(self.hinges)] = angles
+        coupled = (x[self.coupled] - (self.ratio * x[self.mimicked].T).T for x in axes)
+        kept = (np.concatenate([x[:n], y[:m], z]) for x, y, z in zip(along, about, coupled))
+        return Rows(*kept), axes
 
     def along(self, places: Array, turns: Array, pace: Array) -> Rows:
         """Rows u . d."""
@@ -258,14 +266,9 @@ class Mechanism:
         """Rate of a state."""
         n = len(self.bodies)
         places, turns, pace, known = self.unpacked(time, state)
-        rows, sliders, hinges = self.rows(places, turns, pace)
-        force = np.concatenate(
-            [
-                self.exerted(self.hinges, state[13 * n :], hinges.rate),
-                self.exerted(self.sliders, sliders.error, sliders.rate),
-            ]
-        )
-        applied = np.einsum("r,rbi->bi", force, np.concatenate([hinges.jacobian, sliders.jacobian]))
+        rows, axes = self.rows(places, turns, pace, state[13 * n :])
+        force = self.exerted(np.concatenate([self.hinges, self.sliders]), axes.error, axes.rate)
+        applied = np.einsum("r,rbi->bi", force, axes.jacobian)
         for joint in self.balls:
             a, b = self.parent[joint], self.child[joint]
             torque = self.forces["damping"][joint] * (pace[a, 3:] - pace[b, 3:])
@@ -292,7 +295,7 @@ class Mechanism:
                 state[7 * n : 10 * n],
                 turned.ravel(),
                 _by_kind(free + self.unscaled(change, turns)),
-                hinges.rate,
+                axes.rate[: len(self.hinges)],
             ]
         )
 

@@ -16,7 +16,17 @@ from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.families.literature import even
 from touchstone.scenarios.families.mechanisms import ACROSS, mechanism, rod
-from touchstone.scenarios.scenario import Body, BodyJoint, Hull, Piece, Scenario, Sphere, Tracker, vector
+from touchstone.scenarios.scenario import (
+    UNBOUNDED,
+    Body,
+    BodyJoint,
+    Hull,
+    Piece,
+    Scenario,
+    Sphere,
+    Tracker,
+    vector,
+)
 from touchstone.scenarios.solids import ball, slab
 
 ENGINES = [name for name in ("mujoco", "dart", "bullet") if installed(name)]
@@ -135,6 +145,112 @@ def test_a_stiff_damper_holds_its_rate(engine: str) -> None:
     kept = record(load(engine), scenario, Settings("default", 1 / 240))
     wheels = [scenario.body_index(joint.child) for joint in scenario.body_joints]
     assert kept.angular_velocity[-1, wheels, 1] == pytest.approx(10.0, abs=0.5)
+
+
+def pair(first: str, second: str, ratio: float, parent: str = "") -> Scenario:
+    """Two rods of 1 and 2 kg on joints of the world, or the second on the first, that are coupled."""
+    places = ((0.0, 0.0, 0.0), (0.5, 0.0, 0.0) if parent else (0.0, 0.3, 0.0))
+    rods = [
+        rod("a", places[0], (0.5, 0.0, 0.0)),
+        rod("b", places[1], vector(np.add(places[1], (0.2, 0.0, 0.4))), 2.0),
+    ]
+    up = (0.0, 0.0, 1.0)
+    joints = (
+        BodyJoint("one", first, "", "a", places[0], ACROSS if first == "hinge" else up),
+        BodyJoint("two", second, parent, "b", places[1], ACROSS if second == "hinge" else up),
+    )
+    coupled = replace(joints[1], mimics="one", ratio=ratio)
+    return mechanism("coupled", "two coupled rods", rods, (joints[0], coupled), 0.3)
+
+
+def far(engine: str, scenario: Scenario, rate: int) -> float:
+    """Largest distance of a body from its truth [m]."""
+    kept = record(load(engine), scenario, Settings("recommended", 1 / rate))
+    true = [motion(scenario, truth, kept.time).position for truth in scenario.truths]
+    return float(np.abs(kept.position - np.stack(true, axis=1)).max())
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        pair("hinge", "hinge", -1.5),
+        pair("hinge", "slider", 0.2),
+        pair("slider", "hinge", -3.0),
+        pair("slider", "slider", -1.2),
+        pair("hinge", "hinge", 0.5, "a"),
+        pair("hinge", "slider", 0.3, "a"),
+    ],
+    ids=["hinges", "rack", "pinion", "sliders", "arm", "arm and rack"],
+)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_coupled_joints_come_near_their_truth(engine: str, scenario: Scenario) -> None:
+    """Forces of a coupling act on both joints: the error falls with the step, whichever joint is heavier."""
+    coarse, fine = (far(engine, scenario, rate) for rate in (480, 1920))
+    assert fine < 0.3 * coarse
+    assert coarse < 0.02
+
+
+@pytest.mark.parametrize(
+    ("engine", "rate", "most"), [("reference", 60, 1e-6), ("mujoco", 540, 0.01), ("bullet", 240, 0.01)]
+)
+def test_a_gripper_with_one_motor_lifts(engine: str, rate: int, most: float) -> None:
+    """A motor of twice the force in one finger, which the other mimics: the coupling carries half of it."""
+    if not installed(engine):
+        pytest.skip(f"needs {engine}")
+    scenario = catalogue()["gripper_lifts"]
+    lift, right, left = scenario.body_joints
+    one = replace(right, largest_force=2 * right.largest_force)
+    other = replace(left, damping=0.0, target_rate=0.0, largest_force=UNBOUNDED, mimics=right.name)
+    scenario = replace(scenario, body_joints=(lift, one, other))
+    profile = "balanced" if engine == "reference" else "recommended"
+    kept = record(load(engine), scenario, Settings(profile, 1 / rate))
+    for truth in scenario.truths:
+        true = motion(scenario, truth, kept.time).position
+        assert np.abs(kept.position[:, scenario.body_index(truth.body)] - true).max() < most
+
+
+@pytest.mark.skipif(not installed("bullet"), reason="needs Bullet")
+def test_bullet_couples_no_two_free_roots() -> None:
+    """Its gears between multibodies exert other forces: couplings of a free root with another are refused."""
+    rods = [rod(f"rod_{k}", (0.5 * k, 0.0, 0.0), (0.5 * k + 0.4, 0.0, 0.0)) for k in range(4)]
+    hinges = [
+        BodyJoint(f"hinge_{k}", "hinge", f"rod_{k}", f"rod_{k + 1}", rods[k].position, ACROSS) for k in (0, 2)
+    ]
+    hinges[1] = replace(hinges[1], mimics="hinge_0")
+    scenario = mechanism("robots", "two robots", rods, hinges, 0.1, truths=())
+    with pytest.raises(Unsupported, match=r"bullet: a gear couples joints of one multibody.*'hinge_2'"):
+        load("bullet").build(scenario, Settings("recommended", 1 / 480))
+    record(load("reference"), scenario, Settings("balanced", 1 / 60))
+
+
+@pytest.mark.skipif(not installed("dart"), reason="needs DART")
+def test_dart_drives_no_joint_that_must_follow() -> None:
+    """A motor in the joint that its constraint would move is refused by the joint's name."""
+    scenario = pair("hinge", "hinge", 0.5)
+    joints = scenario.body_joints[0], replace(scenario.body_joints[1], damping=1.0, target_rate=1.0)
+    with pytest.raises(
+        Unsupported, match=r"dart: no motor in the lighter one of two coupled joints \('two'\)"
+    ):
+        load("dart").build(replace(scenario, body_joints=joints), Settings("recommended", 1 / 480))
+
+
+@pytest.mark.parametrize("engine", ["reference", *ENGINES])
+def test_a_coupled_joint_closes_no_loop(engine: str) -> None:
+    """In one line: its position is none of the tree's."""
+    scenario = catalogue()["four_bar"]
+    first, *others = scenario.body_joints
+    coupled = (first, *(replace(one, mimics=first.name) for one in others))
+    with pytest.raises(Unsupported, match=rf"{engine}: no coupled joint closes a loop"):
+        load(engine).build(
+            replace(scenario, body_joints=coupled, bodies=still(scenario), truths=()),
+            Settings("balanced" if engine == "reference" else "recommended", 1 / 480),
+        )
+
+
+def still(scenario: Scenario) -> tuple[Body, ...]:
+    """The bodies at rest."""
+    rest = {"linear_velocity": (0.0, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.0)}
+    return tuple(replace(body, **rest) for body in scenario.bodies)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -17,6 +17,7 @@ from touchstone.adapters.recorder import build
 from touchstone.adapters.registry import load
 from touchstone.reports.studies.robustness import assess
 from touchstone.reports.verdict.outcomes import EXACT
+from touchstone.scenarios.body_joints import ALONG_AXIS
 from touchstone.scenarios.files.mass_properties import uniform
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import (
@@ -254,6 +255,74 @@ def test_a_loop_closed_twice_moves_as_one_closed_once(kind: str) -> None:
     assert play(other).position[:, :3] == pytest.approx(play(base).position, abs=1e-8)
 
 
+@pytest.mark.parametrize("ratio", [-2.0, 0.5])
+def test_a_coupled_double_pendulum_follows_one_coordinate(ratio: float) -> None:
+    """The angle of the first rod alone, as Lagrange has it, to the error of an uncoupled one."""
+    scenario = double_pendulum(2.0)
+    first, second = scenario.body_joints
+    scenario = replace(scenario, body_joints=(first, replace(second, mimics=first.name, ratio=ratio)))
+    inertia, both = scenario.bodies[0].inertia[1][1], 1 + ratio
+
+    def slope(_: float, y: Array) -> tuple[float, float]:
+        a, u = y
+        mass = inertia * (1 + both**2) + 1.25 + 0.25 * both**2 + both * np.cos(ratio * a)
+        bend = both * ratio / 2 * np.sin(ratio * a) * u * u
+        return u, (bend + 9.81 * (1.5 * np.cos(a) + both / 2 * np.cos(both * a))) / mass
+
+    times = np.arange(1, 121) / 60
+    angle = solve_ivp(slope, (0, 2), [0, 0], t_eval=times, rtol=1e-12, atol=1e-13, method="DOP853").y[0]
+    for profile, error in (("balanced", 1e-6), ("accurate", 1e-9)):
+        motion = play(scenario, profile)
+        for k, turned in enumerate((angle, both * angle)):
+            arm = Rotation.from_quat(motion.orientation[:, k], scalar_first=True).apply((1.0, 0.0, 0.0))
+            assert arm[:, 0] == pytest.approx(np.cos(turned), abs=error)
+            assert arm[:, 2] == pytest.approx(-np.sin(turned), abs=error)
+        assert np.ptp(energy(scenario, motion)) < error * 9.81
+        assert drift(scenario, motion) < 1e-14
+        rates = motion.omega[:, 1, 1] - both * motion.omega[:, 0, 1]
+        assert np.abs(rates).max() < 1e-13
+
+
+def test_coupled_joints_of_a_free_mechanism_keep_its_momenta() -> None:
+    """A slider and a hinge on one free body, coupled: forces of the coupling are inner ones; so are those
+    between two free mechanisms, which keep the momentum of each."""
+    base = rod("base", (0.0, 0.0, 0.0), (0.3, 0.05, 0.05), angular_velocity=(0.3, 0.0, 0.2))
+    arm = rod("arm", (0.0, 0.0, 0.5), (0.02, 0.03, 0.3), angular_velocity=(0.3, 2.0, 0.2))
+    cart = rod("cart", (0.0, -0.4, 0.0), (0.05, 0.05, 0.05), angular_velocity=(0.3, 0.0, 0.2))
+    arm = replace(arm, linear_velocity=tuple(np.cross(arm.angular_velocity, arm.position).tolist()))
+    along = np.cross(cart.angular_velocity, cart.position) + (0.6, 0.0, 0.0)
+    cart = replace(cart, linear_velocity=tuple(along.tolist()))
+    joints = [
+        BodyJoint("hinge", "hinge", "base", "arm", (0.0, 0.0, 0.0), Y),
+        BodyJoint(
+            "rack", "slider", "base", "cart", (0.0, -0.4, 0.0), (1.0, 0.0, 0.0), mimics="hinge", ratio=0.3
+        ),
+    ]
+    other = [
+        rod("far", (3.0, 0.0, 0.0), (0.3, 0.05, 0.05)),
+        rod("lever", (3.3, 0.0, 0.0), (0.2, 0.1, 0.05), angular_velocity=(0.0, 0.0, 4.0)),
+    ]
+    gear = BodyJoint(
+        "gear", "hinge", "far", "lever", (3.3, 0.0, 0.0), (0.0, 0.0, 1.0), mimics="hinge", ratio=2.0
+    )
+    scenario = scene([base, arm, cart, *other], [*joints, gear], 1.0, gravity=(0.0, 0.0, 0.0))
+    motion = play(scenario)
+    for group in (slice(0, 3), slice(3, 5)):
+        momentum = motion.velocity[:, group].sum(axis=1)
+        spin = np.cross(motion.position, motion.velocity)[:, group].sum(axis=1)
+        for k in range(*group.indices(5)):
+            turn = Rotation.from_quat(motion.orientation[:, k], scalar_first=True)
+            inertia = np.array(scenario.bodies[k].inertia)
+            spin += turn.apply(turn.inv().apply(motion.omega[:, k]) @ inertia)
+        assert np.ptp(momentum, axis=0).max() < 1e-9
+        assert np.ptp(spin, axis=0).max() < 1e-9
+    assert np.ptp(energy(scenario, motion)) < 1e-8
+    back = Rotation.from_quat(motion.orientation[:, 0], scalar_first=True).inv()
+    hinge = back.apply(motion.omega[:, 1] - motion.omega[:, 0])[:, 1]
+    assert np.ptp(hinge) > 0.1
+    assert motion.omega[:, 4, 2] - motion.omega[:, 3, 2] == pytest.approx(2 * hinge, abs=1e-12)
+
+
 def test_a_limit_stops_a_hinge_and_holds_it() -> None:
     body = rod("rod", (0.5, 0.0, 0.0), (0.5, 0.02, 0.02))
     joint = BodyJoint("pivot", "hinge", "", "rod", (0.0, 0.0, 0.0), Y, lower=-1.0, upper=0.5)
@@ -389,6 +458,20 @@ def test_a_random_mechanism_keeps_what_free_bodies_keep(kind: str, seed: int) ->
     """It gains no energy, overlaps nothing, leaves no residual, and stays joined; 29 and 61 hit limits at
     200 rad/s, 89 bounces with friction, 1 is a jam that turns fast; servos are soft to all but rigid."""
     scenario = random_scene(seed, kind)
+    found = assess(load("reference"), scenario, Settings("balanced", 1 / 60), EXACT)
+    assert found.outcome == "ok", found
+    assert drift(scenario, play(scenario)) < 1e-12
+
+
+@pytest.mark.parametrize("kind", ["mechanism", "servo"])
+@pytest.mark.parametrize("seed", [3, 900, 903])
+def test_a_random_mechanism_with_a_coupling_keeps_as_much(kind: str, seed: int) -> None:
+    """Two of its joints are coupled: with limits, contact and springs it has the same guarantees."""
+    scenario = random_scene(seed, kind)
+    first, second = [one for one in scenario.body_joints if one.type in ALONG_AXIS][:2]
+    coupled = replace(second, mimics=first.name, ratio=-2.0)
+    joints = tuple(coupled if one is second else one for one in scenario.body_joints)
+    scenario = replace(scenario, body_joints=joints)
     found = assess(load("reference"), scenario, Settings("balanced", 1 / 60), EXACT)
     assert found.outcome == "ok", found
     assert drift(scenario, play(scenario)) < 1e-12

@@ -1,5 +1,7 @@
 """The study relations: changes are what they say, and an engine with a preferred place fails them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fake_world import FakeEngine, FakeWorld
@@ -66,6 +68,16 @@ def test_changed_scenes_are_valid(name, relation):
     scene, one = catalogue()[name], RELATIONS[relation]
     if one.applies(scene):
         assert faults(one.change(scene)) == []
+
+
+def test_ratios_with_a_unit_grow_with_the_scene():
+    """A slider coupled with a hinge moves as many times as far as the scene is larger; others keep ratios."""
+    scene = catalogue()["pendulums"]
+    shaft, other, third = scene.body_joints
+    rack = replace(other, type="slider", mimics=shaft.name, ratio=3.0)
+    gear = replace(third, mimics=shaft.name, ratio=3.0)
+    scaled = rescaled(replace(scene, body_joints=(shaft, rack, gear), truths=(), published=()), 2.0)
+    assert [joint.ratio for joint in scaled.body_joints] == [1.0, 12.0, 3.0]
 
 
 def test_froude_keeps_numbers_without_a_dimension():

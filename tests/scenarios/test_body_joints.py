@@ -11,6 +11,7 @@ from touchstone.scenarios.body_joints import implied_equations, mechanisms, span
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.families.joined_contact import LADDER, LEAN, WHEEL, ladder_leaves
+from touchstone.scenarios.families.mechanisms import turning
 from touchstone.scenarios.scenario import GRAVITY, BodyJoint, ScenarioError
 from touchstone.scenarios.solids import ball, block
 
@@ -49,6 +50,24 @@ FAULTS = {
     "ball": ({"type": "ball", "stiffness": 5.0}, "body_joints[1].stiffness: found 5, which a ball joint"),
     "fixed": ({"type": "fixed", "damping": 5.0}, "body_joints[1].damping: found 5, which a fixed joint"),
     "no name": ({"name": ""}, "body_joints[1].name: found none, expected a name"),
+    "unknown joint": (
+        {"mimics": "joint_3"},
+        "body_joints[1].mimics: unknown joint 'joint_3'; valid: joint_1",
+    ),
+    "mimics itself": ({"mimics": "joint_2"}, "body_joints[1].mimics: 'joint_2' mimics itself"),
+    "mimics as a ball": (
+        {"mimics": "joint_1", "type": "ball"},
+        "body_joints[1].mimics: 'joint_2' is a ball joint, expected a hinge or slider",
+    ),
+    "no ratio": (
+        {"mimics": "joint_1", "ratio": 0.0},
+        "body_joints[1].ratio: found 0, expected another number",
+    ),
+    "infinite ratio": (
+        {"mimics": "joint_1", "ratio": inf},
+        "body_joints[1].ratio: found inf, expected finite",
+    ),
+    "ratio alone": ({"ratio": 2.0}, "body_joints[1].ratio: found 2, but 'joint_2' mimics no joint"),
     "name twice": ({"name": "joint_1"}, "body_joints[1].name: 'joint_1' is used twice"),
 }
 
@@ -58,6 +77,48 @@ def test_a_fault_is_named_with_its_place(case: str) -> None:
     """Each fault gives one line with the joint's number, the field and what is valid."""
     fields, message = FAULTS[case]
     assert fault_of(HINGE, replace(SECOND, **fields)).startswith(message)
+
+
+def test_couplings_name_the_joint_that_mimics_none() -> None:
+    """A joint that mimics another is mimicked by none, nor is a ball; the message names what is valid."""
+    first = replace(HINGE, mimics="joint_2")
+    assert fault_of(first, replace(SECOND, mimics="joint_1")) == (
+        "body_joints[0].mimics: 'joint_2' itself mimics 'joint_1': give the ratio to it"
+    )
+    assert fault_of(HINGE, replace(SECOND, mimics="joint_3")).endswith("'joint_3'; valid: joint_1")
+    ball_joint = replace(HINGE, type="ball")
+    assert fault_of(ball_joint, replace(SECOND, mimics="joint_1")) == (
+        "body_joints[1].mimics: 'joint_1' is a ball joint, expected a hinge or slider"
+    )
+
+
+def test_rates_of_the_start_must_obey_couplings() -> None:
+    """Rates that differ from the ratio are refused with both; those that agree are not."""
+    one = turning(BASE.bodies[0], HINGE.anchor, (0.0, 1.0, 0.0))
+    joints = HINGE, replace(SECOND, mimics="joint_1", ratio=-2.0)
+    for spin in (-1.0, 2.0):
+        pace = np.cross((0.0, 1.0, 0.0), (0.5, 0.0, 0.0))
+        pace = pace + np.cross((0.0, spin, 0.0), np.subtract(BASE.bodies[1].position, SECOND.anchor))
+        other = replace(
+            BASE.bodies[1], linear_velocity=tuple(pace.tolist()), angular_velocity=(0.0, spin, 0.0)
+        )
+        if spin < 0:
+            replace(BASE, truths=(), bodies=(one, other), body_joints=joints)
+        else:
+            assert fault_of(*joints, bodies=(one, other)) == (
+                "body_joints[1]: 'joint_2' starts at 1 rad/s, expected -2, -2 times the rate of 'joint_1'"
+            )
+
+
+def test_couplings_join_mechanisms_and_imply_equations() -> None:
+    """Coupled pendulums are one mechanism; a gear between opposite sides of a parallelogram is implied."""
+    assert len(mechanisms(catalogue()["geared_pendulums"])) == 1
+    assert implied_equations(catalogue()["geared_pendulums"]) == 0
+    scene = catalogue()["n_bar"]
+    tops = [joint.name for joint in scene.body_joints if joint.parent == ""]
+    joints = [replace(j, mimics=tops[0]) if j.name == tops[1] else j for j in scene.body_joints]
+    doubled = replace(scene, body_joints=tuple(joints), truths=())
+    assert implied_equations(doubled) == implied_equations(scene) + 1
 
 
 def test_ends_that_contact_does_not_move_are_refused() -> None:

@@ -13,6 +13,7 @@ from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.families.mechanisms import (
     ACROSS,
+    GEAR,
     PERIOD,
     SIDE,
     SLOPE,
@@ -84,7 +85,9 @@ def test_joints_hold(name: str) -> None:
     scene = catalogue()[name]
     for one in played(scene):
         for time in np.linspace(0.0, scene.duration, 50):
-            rows = one.mechanism.rows(*one.mechanism.unpacked(time, one.solution(time))[:3])[0]
+            state = one.solution(time)
+            moved = one.mechanism.unpacked(time, state)[:3]
+            rows = one.mechanism.rows(*moved, state[13 * len(one.mechanism.names) :])[0]
             assert np.abs(rows.error).max() < 1e-11
             assert np.abs(rows.rate).max() < 2e-10
 
@@ -196,6 +199,29 @@ def test_a_double_pendulum_follows_lagranges_equations() -> None:
         found = truth_of("double_pendulum", f"link_{k + 1}")
         # the error of 1e-12 grows by what neighbouring motions part
         np.testing.assert_allclose(found.position, expected[k].T, atol=1e-9)
+
+
+def test_geared_pendulums_follow_one_coordinate() -> None:
+    """With the angle of the long one as the only coordinate: I a'' = the moments of both weights."""
+    scene = catalogue()["geared_pendulums"]
+    inertia, arms = 0.0, []
+    for body, joint, ratio in zip(scene.bodies, scene.body_joints, (1.0, GEAR)):
+        arm = np.subtract(body.position, joint.anchor)
+        inertia += ratio**2 * (body.inertia[0][0] + body.mass * arm @ arm)
+        arms.append((body.mass * GRAVITY * ratio, ratio, arm))
+
+    def rate(_: float, state: np.ndarray) -> list[float]:
+        moment = sum(w * (a[0] * np.cos(r * state[0]) + a[2] * np.sin(r * state[0])) for w, r, a in arms)
+        return [state[1], moment / inertia]
+
+    times = frames(scene)
+    angle = solve_ivp(rate, (0, times[-1]), (0, 0), "DOP853", times, rtol=1e-12, atol=1e-13, max_step=0.02).y[
+        0
+    ]
+    assert np.ptp(angle) > 1
+    for name, ratio in (("long", 1.0), ("short", GEAR)):
+        found = angle_of(truth_of("geared_pendulums", name))
+        np.testing.assert_allclose(found, ratio * angle, atol=INTEGRATED)
 
 
 def test_parallelograms_swing_as_a_simple_pendulum() -> None:

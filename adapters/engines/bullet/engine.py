@@ -33,7 +33,7 @@ from touchstone.adapters.contract import (
     Unsupported,
 )
 from touchstone.adapters.engines.bullet.bodies import ROUNDED, Bodies, Factors
-from touchstone.adapters.engines.bullet.joints import close_loops
+from touchstone.adapters.engines.bullet.joints import close_loops, couple_joints
 from touchstone.adapters.engines.bullet.read_back import ReadBack
 from touchstone.adapters.engines.bullet.tables import (
     BASE,
@@ -129,6 +129,7 @@ class World:
             self._observe(multibody)  # fixed bodies are read only here
         links = {body: own[0] for body, own in self._bodies.colliders.items()}
         close_loops(scenario, links, self._center, self._turn, self._on)
+        couple_joints(scenario, links, self._on)
         simulated = [one for one in self._bodies.free if scenario.bodies[one.bodies[0]].kind != "fixed"]
         self._moving = (*simulated, *self._bodies.joined, *self._driven)
         self._bodies.filter_pairs()

@@ -9,7 +9,7 @@ import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array
+from touchstone.adapters.contract import Array, Unsupported
 from touchstone.adapters.engines.bullet.tables import UNTURNED, Link, Links
 from touchstone.adapters.joined_bodies import closing_points, laws, moved_parent, servo, start_motion
 from touchstone.scenarios.body_joints import ALONG_AXIS, is_limited, mechanisms, spanning_trees
@@ -21,6 +21,9 @@ TYPES = {
     "ball": pybullet.JOINT_SPHERICAL,
     "fixed": pybullet.JOINT_FIXED,
 }
+
+GEAR_ERP = 0.2
+"""Share of a gear's error that a step takes away [1]: that of Bullet's other constraints; its own is 0."""
 
 
 class Tree(NamedTuple):
@@ -41,7 +44,7 @@ def trees(scenario: Scenario) -> list[Tree]:
     """The mechanisms of a scene. A link's frame has the joint's anchor as origin, and the child's axes.
 
     Raises:
-        Unsupported: a joint with a prescribed body.
+        Unsupported: a joint with a prescribed body, or couplings of free roots with another or the world.
     """
     tree = spanning_trees(scenario)[0]
     names = [{joint.name for joint in group} for group in mechanisms(scenario)]
@@ -51,6 +54,10 @@ def trees(scenario: Scenario) -> list[Tree]:
 def _tree(scenario: Scenario, joints: list[BodyJoint]) -> Tree:
     parents = [moved_parent("bullet", scenario, joint) for joint in joints]
     bodies = [scenario.body_index(joint.child) for joint in joints]
+    children = {joint.child for joint in joints}
+    if len({parent and parent.name for parent in parents if not parent or parent.name not in children}) > 1:
+        coupled = next(joint.name for joint in joints if joint.mimics)
+        raise Unsupported(f"bullet: a gear couples joints of one multibody, with one base ({coupled!r})")
     based = int(parents[0] is not None)
     if parents[0] is not None:
         bodies.insert(0, scenario.body_index(parents[0].name))
@@ -154,7 +161,7 @@ def close_loops(
         child, parent = scenario.body_index(joint.child), moved_parent("bullet", scenario, joint)
         kind = pybullet.JOINT_FIXED if joint.type == "fixed" else pybullet.JOINT_POINT2POINT
         other = None if parent is None else scenario.body_index(parent.name)
-        for point in closing_points("bullet", joint, scenario.bodies[child]):
+        for point in closing_points("bullet", scenario, joint):
             frames = []
             for body in (child, other):
                 back = Rotation.identity() if body is None else Rotation.from_quat(turn[body]).inv()
@@ -173,3 +180,26 @@ def close_loops(
                 **on,
             )
             pybullet.changeConstraint(made, maxForce=UNBOUNDED, **on)
+
+
+def couple_joints(scenario: Scenario, link: Mapping[int, tuple[int, int]], on: Mapping[str, int]) -> None:
+    """Couple joints that mimic others, by gears. Between links of two multibodies they exert other forces.
+
+    Args:
+        link: Bullet's id and link of each body.
+    """
+    tree = {joint.name: joint for joint in spanning_trees(scenario)[0]}
+    for joint in tree.values():
+        if joint.mimics:
+            ends = [link[scenario.body_index(one.child)] for one in (joint, tree[joint.mimics])]
+            made = pybullet.createConstraint(
+                *ends[0], *ends[1], pybullet.JOINT_GEAR, joint.axis, ORIGIN, ORIGIN, **on
+            )
+            pybullet.changeConstraint(
+                made,
+                gearRatio=-joint.ratio,
+                relativePositionTarget=0.0,
+                erp=GEAR_ERP,
+                maxForce=UNBOUNDED,
+                **on,
+            )

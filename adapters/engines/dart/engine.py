@@ -20,7 +20,7 @@ import dartpy
 import numpy as np
 
 from touchstone.adapters.contract import Array, Manifest, PairFacts, Scalar, Settings, State
-from touchstone.adapters.engines.dart.joints import add_mechanisms, push_motors
+from touchstone.adapters.engines.dart.joints import add_mechanisms, couple_joints, push_motors
 from touchstone.adapters.engines.dart.model import (
     DETECTORS,
     ROOT_DOFS,
@@ -174,6 +174,7 @@ class World:
                 set_mass(node, masses[k])
             for i, piece in enumerate(body.pieces):
                 add_piece(node, piece, f"{k}.{i}", restitution[k], friction[k])
+        couple_joints(scenario, joined)
         _filter(self._world, scenario, self._nodes)
         detector = self._world.getConstraintSolver().getCollisionDetector().getType()
         self._to_midpoint = 0.5 if detector == "bullet" else 0.0

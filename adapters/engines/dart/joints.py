@@ -7,10 +7,14 @@ from typing import Any, NamedTuple
 import dartpy
 import numpy as np
 
+from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.engines.dart.model import add_free, isometry
 from touchstone.adapters.joined_bodies import closing_points, laws, moved_parent, servo, start_motion
 from touchstone.scenarios.body_joints import is_limited, mechanisms, spanning_trees
 from touchstone.scenarios.scenario import IDENTITY, ORIGIN, UNBOUNDED, BodyJoint, Scenario
+
+ROUNDING = 1e-9
+"""Excess of an echo over 1 that is rounding [1]."""
 
 
 class Joined(NamedTuple):
@@ -98,6 +102,43 @@ def _set_forces(made: Any, joint: BodyJoint, motors: list[tuple[Any, BodyJoint]]
         made.setRestPosition(0, joint.target)
 
 
+def couple_joints(scenario: Scenario, joined: Joined) -> None:
+    """Couple joints that mimic others by DART's constraint that acts on both, which only the properties of
+    joints lead to; the masses of all bodies are set.
+
+    One joint follows the other a step later. A change of that one's rate comes back to it with the factor
+    `echo`, or with its inverse if the other follows: that which dies away is chosen.
+
+    Raises:
+        Unsupported: a joint with a motor follows, or one follows two.
+    """
+    tree = spanning_trees(scenario)[0]
+    made = {joint.name: joined.nodes[scenario.body_index(joint.child)].getParentJoint() for joint in tree}
+    driven, following = {joint.name for _, joint in joined.motors}, set[str]()
+    for joint in tree:
+        if not joint.mimics:
+            continue
+        names, ratio = (joint.name, joint.mimics), joint.ratio
+        b, a = (made[name].getIndexInSkeleton(0) for name in names)
+        w = made[joint.name].getSkeleton().getInvMassMatrix()
+        echo = ratio * (w[b, a] - ratio * w[a, a]) / (w[b, b] - ratio * w[b, a])
+        if abs(echo) > 1 + ROUNDING:
+            names, ratio = names[::-1], 1 / ratio
+        follower, reference = (made[name] for name in names)
+        if names[0] in driven:
+            raise Unsupported(f"dart: no motor in the lighter one of two coupled joints ({names[0]!r})")
+        if names[0] in following:
+            raise Unsupported(f"dart: one joint is lighter than two that it is coupled with ({names[0]!r})")
+        following.add(names[0])
+        mimic = dartpy.dynamics.MimicDofProperties()
+        mimic.mReferenceJoint, mimic.mMultiplier = reference, ratio
+        mimic.mConstraintType = dartpy.dynamics.MimicConstraintType.Coupler
+        properties = getattr(follower, f"get{follower.getType().removesuffix('Joint')}JointProperties")()
+        properties.mMimicDofProps = [mimic]
+        properties.mActuatorType = dartpy.dynamics.ActuatorType.MIMIC
+        follower.setProperties(properties)
+
+
 def push_motors(motors: list[tuple[Any, BodyJoint]]) -> None:
     """Command DART's servos of motors for the next step."""
     for made, joint in motors:
@@ -110,7 +151,7 @@ def push_motors(motors: list[tuple[Any, BodyJoint]]) -> None:
 def _close(world: Any, scenario: Scenario, joint: BodyJoint, nodes: dict[int, Any]) -> None:
     """Close a loop: a ball joint by one point, a hinge by two on its axis, a fixed joint as a whole."""
     index = scenario.body_index(joint.child)
-    points = closing_points("dart", joint, scenario.bodies[index])
+    points = closing_points("dart", scenario, joint)
     child, parent = nodes[index], moved_parent("dart", scenario, joint)
     ends = [child] if parent is None else [child, nodes[scenario.body_index(parent.name)]]
     solver = world.getConstraintSolver()

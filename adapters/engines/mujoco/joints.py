@@ -82,15 +82,20 @@ def _stiffness(settings: Settings) -> tuple[tuple[float, float], Any]:
 
 
 def add_loops_and_motors(spec: Any, scenario: Scenario, settings: Settings) -> None:
-    """Add the joints that close loops, as equality constraints, and an actuator for each motor.
+    """Add joints that close loops, and couplings, as equality constraints, and an actuator for each motor.
 
     Raises:
-        Unsupported: a slider, a spring, a motor or a limit in a joint that closes a loop.
+        Unsupported: a slider, a spring, a motor, a limit or a coupling in a joint that closes a loop.
     """
     tree, loops = spanning_trees(scenario)
     for joint in loops:
         _add_loop(spec, scenario, joint, settings)
     for joint in tree:
+        if joint.mimics:
+            made = spec.add_equality(name=f"coupling {joint.name}", objtype=mujoco.mjtObj.mjOBJ_JOINT)
+            made.type, (made.solref, made.solimp) = mujoco.mjtEq.mjEQ_JOINT, _stiffness(settings)
+            made.name1, made.name2 = f"joint {joint.name}", f"joint {joint.mimics}"
+            made.data[:5] = 0.0, joint.ratio, 0.0, 0.0, 0.0
         if _is_motor(joint) and joint.type != "fixed":
             actuator = spec.add_actuator(
                 name=f"motor {joint.name}", target=f"joint {joint.name}", trntype=mujoco.mjtTrn.mjTRN_JOINT
@@ -112,7 +117,7 @@ def _add_loop(spec: Any, scenario: Scenario, joint: BodyJoint, settings: Setting
     joint a `weld`."""
     index, parent = scenario.body_index(joint.child), moved_parent("mujoco", scenario, joint)
     child = scenario.bodies[index]
-    for k, point in enumerate(closing_points("mujoco", joint, child)):
+    for k, point in enumerate(closing_points("mujoco", scenario, joint)):
         made = spec.add_equality(name=f"loop {joint.name} {k}", objtype=mujoco.mjtObj.mjOBJ_BODY)
         made.type = mujoco.mjtEq.mjEQ_WELD if joint.type == "fixed" else mujoco.mjtEq.mjEQ_CONNECT
         made.solref, made.solimp = _stiffness(settings)

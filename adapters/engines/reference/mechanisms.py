@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.joined_bodies import require_uncoupled
 from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.driver_dtypes import DRIVER, JOINT
 from touchstone.scenarios.body_joints import is_limited, mechanisms, spanning_trees
@@ -40,6 +41,7 @@ def with_mechanisms(
     for joint in loops:
         if is_limited(joint):
             raise Unsupported(f"reference: no limit of a joint that closes a loop ({joint.name!r})")
+        require_uncoupled("reference", scenario, joint)
     for joint in scenario.body_joints:
         if joint.parent and scenario.bodies[index[joint.parent]].kind == "prescribed":
             raise Unsupported(f"reference: no joint with a prescribed body ({joint.name!r})")
@@ -52,13 +54,20 @@ def with_mechanisms(
         roots = [j.parent for j in own if _is_moved(scenario, index, j.parent) and j.parent not in children]
         free = list(dict.fromkeys(roots))
         rows = np.zeros(len(free) + len(own) + len(closing), JOINT)
+        rows["mimics"] = -1
         for row, name in zip(rows, free):
             row["type"], row["parent"], row["child"] = conventions.JOINT_FREE, -1, index[name]
+        place = {joint.name: k for k, joint in enumerate(own, first + len(free))}
         for row, joint in zip(rows[len(free) :], own + closing):
             _set_joint(scenario, index, bodies, row, joint)
+            row["mimics"] = place.get(joint.mimics, -1)
         driver = np.zeros(1, DRIVER)
         _set_coordinates(rows[: len(free) + len(own)], driver, bodies, first, number)
-        driver["loop_count"] = len(closing)
+        driver["loop_count"], driver["mimic_count"] = len(closing), (rows["mimics"] >= 0).sum()
+        driver["constrained"] = driver["loop_count"] + driver["mimic_count"] > 0
+        if driver["mimic_count"] > conventions.LOOP_ROWS:
+            most = conventions.LOOP_ROWS
+            raise Unsupported(f"reference: more than {most} couplings of joints in one mechanism")
         for joint in own + closing:
             if joint.parent:
                 _set_beside(bodies, index[joint.child], index[joint.parent], joint.child)
@@ -88,7 +97,8 @@ def _set_joint(
     row["parent_anchor"] = base.inv().apply(np.array(joint.anchor) - origin)
     row["child_anchor"] = turn.inv().apply(np.array(joint.anchor) - child["center"])
     row["rest_turn"] = (base.inv() * turn).as_quat(scalar_first=True)
-    for name in ("lower", "upper", "stiffness", "damping", "target", "target_rate", "largest_force"):
+    fields = ("lower", "upper", "stiffness", "damping", "target", "target_rate", "largest_force", "ratio")
+    for name in fields:
         row[name] = getattr(joint, name)
 
 

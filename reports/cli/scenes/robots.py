@@ -145,6 +145,8 @@ def _import(  # type: ignore[no-untyped-def]
     pieces = sum(len(body.pieces) for body in scenario.bodies)
     mass = sum(body.mass for body in scenario.bodies if body.kind != "fixed")
     joints = f"{len(scenario.body_joints)} joints" if simulated else f"{len(scenario.joints)} hinges"
+    coupled = sum(bool(joint.mimics) for joint in scenario.body_joints)
+    joints += f", {coupled} couplings" if coupled else ""
     counts = f"{len(scenario.bodies)} bodies, {joints}, {pieces} pieces"
     if not quiet:
         print(f"{path}: {counts}, {mass:.6g} kg")

@@ -70,14 +70,29 @@ def _joints(context: Context) -> tuple[BodyJoint, ...]:
     return context.scenario.body_joints
 
 
+def _slip(context: Context, joint: BodyJoint) -> float:
+    """Largest distance of a joint's position from where its coupling asks it to be [rad, m]; or 0."""
+    if not joint.mimics:
+        return 0.0
+    other = next(one for one in _joints(context) if one.name == joint.mimics)
+    apart = _of(context, joint).position - joint.ratio * _of(context, other).position
+    return float(np.abs(apart).max())
+
+
 def joint_drift(context: Context) -> Values:
-    """Largest distance of the two anchors of a joint between bodies, across the axis of a slider [m]."""
-    return worst({one.name: float(_of(context, one).gap.max()) for one in _joints(context)})
+    """Largest distance of the two anchors of a joint between bodies [m]: across the axis of a slider, and of
+    one that mimics another, along it from where that one asks it to be."""
+    found = {one.name: float(_of(context, one).gap.max()) for one in _joints(context)}
+    slips = {one.name: _slip(context, one) for one in _joints(context) if one.type == "slider"}
+    return worst({name: max(gap, slips.get(name, 0.0)) for name, gap in found.items()})
 
 
 def joint_turn(context: Context) -> Values:
-    """Largest angle by which a joint between bodies turns otherwise than it may [rad]."""
+    """Largest angle by which a joint between bodies turns otherwise than it may [rad]: across its axis, and
+    of a hinge that mimics another, about it from where that one asks it to be."""
     found = {one.name: float(_of(context, one).turn.max()) for one in _joints(context) if one.type != "ball"}
+    slips = {one.name: _slip(context, one) for one in _joints(context) if one.type == "hinge"}
+    found = {name: max(turn, slips.get(name, 0.0)) for name, turn in found.items()}
     if not found:
         raise NotMeasured("ball joints may turn in every way")
     return worst(found)

@@ -76,6 +76,18 @@ def robot(tmp_path):
     return make
 
 
+COUPLED = """<mujoco><compiler angle="radian"/><worldbody><body name="hand" pos="0 0 1">
+ <joint name="lift" type="slide" axis="0 0 1" stiffness="200"/><geom type="box" size="0.1 0.1 0.02" mass="1"/>
+ <body name="long" pos="0.1 0 0"><joint name="m" axis="0 1 0" ref="0.3" limited="true" range="0.5 2"/>
+  <geom type="capsule" fromto="0 0 0 0.3 0 0.1" size="0.02" mass="0.4"/></body>
+ <body name="short" pos="-0.1 0 0"><joint name="f" axis="0 1 0" limited="true" range="-3 1"/>
+  <geom type="capsule" fromto="0 0 0 0 0 0.2" size="0.02" mass="0.3"/></body>
+ <body name="rack" pos="0 0.3 0"><joint name="s" type="slide" axis="0.6 0 0.8"/>
+  <geom type="sphere" size="0.04" mass="0.2"/></body></body></worldbody>
+<equality><joint joint1="f" joint2="m" polycoef="0.1 -2 0 0 0"/>
+ <joint joint1="s" joint2="f" polycoef="0 0.1 0 0 0"/></equality></mujoco>"""
+
+
 def without_floor(scenario: Scenario, seconds: float) -> Scenario:
     """The scene without its fixed bodies, for some time."""
     kept = tuple(body for body in scenario.bodies if body.kind != "fixed")
@@ -95,6 +107,83 @@ def played_by_mujoco(text: str, dt: float, seconds: float, integrator: str, name
         for _ in range(round(1 / 60 / dt)):
             mujoco.mj_step(model, data)
     return np.array(frames)
+
+
+def test_couplings_are_those_of_the_file(robot, tmp_path):
+    """Ratios to the joint that follows none, and a start that obeys offsets and the limits of both joints."""
+    found = robot(COUPLED)
+    assert not any("coupling" in note for note in found.notes)
+    joints = {joint.name: joint for joint in found.scenario.body_joints}
+    assert {name: (joint.mimics, joint.ratio) for name, joint in joints.items()} == {
+        "lift": ("", 1.0), "m": ("", 1.0), "f": ("m", -2.0), "s": ("m", -0.2),
+    }  # fmt: skip
+    # from their references: 0.2 is the least of m, which starts the range of f in that of m at -0.45
+    assert found.start == pytest.approx({"lift": 0.0, "m": 0.2, "f": -0.3, "s": -0.03})
+    assert (joints["f"].lower, joints["f"].upper) == pytest.approx((-2.7, 1.3))
+    trees = trees_of(tmp_path / "r.xml", compiled(tmp_path / "r.xml"), found.scenario)
+    assert max(deviations(found, trees).values()) < EQUAL
+    tight = robot(COUPLED.replace("-3 1", "-3 -0.5")).start
+    assert tight == pytest.approx({"lift": 0.0, "m": 0.3, "f": -0.5, "s": -0.05})
+
+
+def test_coupled_joints_move_as_in_mujoco(robot):
+    """To what MuJoCo's equality gives way, which is less where it is stiffer."""
+    found, names = robot(COUPLED), ["long", "short", "rack"]
+    scenario = without_floor(found.scenario, 0.2)
+    seen = record(load("reference"), scenario, Settings("balanced", 1 / 60)).position
+    own = seen[:, [scenario.body_index(name) for name in names]]
+    assert np.abs(own[-1] - own[0]).max() > 0.15
+
+    def error(stiffness: float) -> float:
+        equality = f'<default><equality solref="{stiffness} 1"/></default><equality>'
+        model = mujoco.MjModel.from_xml_string(COUPLED.replace("<equality>", equality))
+        model.opt.timestep, model.opt.integrator = 1 / 7680, mujoco.mjtIntegrator.mjINT_RK4
+        data = mujoco.MjData(model)
+        for name, q in found.start.items():
+            data.qpos[model.joint(name).qposadr[0]] += q
+        away = []
+        for place in own:
+            mujoco.mj_kinematics(model, data)
+            away.append(max(np.abs(data.body(name).xpos - at).max() for name, at in zip(names, place)))
+            for _ in range(128):
+                mujoco.mj_step(model, data)
+        return max(away)
+
+    assert error(0.001) < 1e-5
+    assert error(0.001) < 0.3 * error(0.002)
+
+
+@pytest.mark.parametrize(
+    ("equality", "reason"),
+    [
+        ('<joint joint1="f" joint2="m" polycoef="0 1 0.5 0 0"/>', "it is not linear"),
+        ('<joint joint1="f"/>', "it holds the joint where it is"),
+        ('<joint joint1="f" joint2="m" active="false"/>', "it is not active"),
+        ('<joint joint1="f" joint2="m" polycoef="3 1 0 0 0"/>', "its limits do not allow it"),
+    ],
+)
+def test_couplings_that_are_not_kept_are_named(robot, equality, reason):
+    """Each with its joint and why; the joint is free."""
+    text = re.sub("<equality>.*</equality>", f"<equality>{equality}</equality>", COUPLED, flags=re.DOTALL)
+    found = robot(text)
+    assert f"left out: the coupling of joint 'f': {reason}" in found.notes
+    assert not any(joint.mimics for joint in found.scenario.body_joints)
+
+
+def test_couplings_are_resolved_to_one_joint(robot):
+    """Of two of one joint the first counts, and of a circle one less."""
+    second = '<joint joint1="f" joint2="s"/></equality>'
+    assert (
+        "left out: the coupling of joint 'f': it has another"
+        in robot(COUPLED.replace("</equality>", second)).notes
+    )
+    circle = '<joint joint1="m" joint2="s"/></equality>'
+    found = robot(COUPLED.replace("</equality>", circle).replace('limited="true"', 'limited="false"'))
+    assert [note for note in found.notes if "coupling" in note] == [
+        "left out: the coupling of joint 'f': it follows itself"
+    ]
+    named = {joint.name: joint.mimics for joint in found.scenario.body_joints}
+    assert named == {"lift": "", "m": "f", "f": "", "s": "f"}
 
 
 @pytest.mark.parametrize(

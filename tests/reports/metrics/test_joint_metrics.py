@@ -57,6 +57,30 @@ def test_drift_is_the_distance_of_the_anchors(recordings, known):
     assert turned.value == pytest.approx(0.01, rel=1e-6)
 
 
+def test_a_coupling_that_slips_is_a_turn_or_a_drift(recordings, known):
+    """A pendulum that lags by an angle turns by it otherwise than it may; a slider has drifted by its lag."""
+    scene = catalogue()["geared_pendulums"]
+    right = known.ideal(recordings, scene)
+    assert known.value("joint.turn", right, scene)[""].value == pytest.approx(0, abs=ROUNDING)
+    short = scene.body_joints[1]
+    slow = replace(scene, body_joints=(scene.body_joints[0], replace(short, ratio=-1.9)), truths=())
+    angle = joint_motion(right, scene, scene.body_joints[0]).position
+    turn = known.value("joint.turn", right, slow)[""]
+    assert turn.value == pytest.approx(0.1 * np.abs(angle).max(), rel=1e-9)
+    assert turn.reason == "of shaft_short"
+    scene = catalogue()["slider_crank"]
+    crank, *others, bore = scene.body_joints
+    assert bore.type == "slider"
+    recording = known.ideal(recordings, scene)
+    rest = {"linear_velocity": (0.0, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.0)}
+    bodies = tuple(replace(body, **rest) for body in scene.bodies)
+    coupled = (crank, *others, replace(bore, mimics=crank.name, ratio=0.5))
+    lag = joint_motion(recording, scene, bore).position - joint_motion(recording, scene, crank).position / 2
+    scene = replace(scene, bodies=bodies, body_joints=coupled, truths=())
+    drift = known.value("joint.drift", recording, scene)[""]
+    assert drift.value == pytest.approx(np.abs(lag).max(), rel=1e-9)
+
+
 def test_excess_is_beyond_the_limits(recordings, known):
     """A hinge and a slider that move farther than their limits exceed them by the rest."""
     for name, metric in (("motor_hinge", "joint.limit"), ("slider_spring", "joint.stop")):
