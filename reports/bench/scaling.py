@@ -36,7 +36,7 @@ from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, 
 from touchstone.reports.studies.study import kept, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
-from touchstone.reports.views.plots import detector_looks, ends, log_axis, save
+from touchstone.reports.views.pictures import detector_looks, ends, log_axis, save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia

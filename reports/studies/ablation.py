@@ -35,7 +35,7 @@ from touchstone.reports.studies.study import RefusedError, kept, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import EXACT, judge, judge_random
 from touchstone.reports.verdict.rows import measured
-from touchstone.reports.views.plots import PALE, color_of, log_axis, rule, save
+from touchstone.reports.views.pictures import PALE, color_of, log_axis, rule, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
 from touchstone.scenarios.catalogue import tagged

@@ -34,7 +34,7 @@ from touchstone.reports.runner.tasks import Task, own_profile, own_settings, pla
 from touchstone.reports.studies.study import kept, missing_rows, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.bench_tables import MICRO, limit_text, remarks, value_text
-from touchstone.reports.views.plots import INK, PALE, by, looks, rule, save
+from touchstone.reports.views.pictures import INK, PALE, by, looks, rule, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import tagged

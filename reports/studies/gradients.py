@@ -26,7 +26,7 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.tasks import played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows, with_interval
-from touchstone.reports.views.plots import save
+from touchstone.reports.views.pictures import save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball, block, slab

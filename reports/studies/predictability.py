@@ -30,7 +30,7 @@ from touchstone.reports.runner.measures import moving
 from touchstone.reports.runner.tasks import Task, own_profile, own_settings, own_step, played
 from touchstone.reports.studies.study import failures, kept, missing_rows, with_interval
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.plots import (
+from touchstone.reports.views.pictures import (
     DOTS,
     INK,
     Looks,

@@ -29,7 +29,7 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
 from touchstone.reports.runner.tasks import Task, played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
-from touchstone.reports.views.plots import log_axis, rule, save, strips
+from touchstone.reports.views.pictures import log_axis, rule, save, strips
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.relations.changes import bare

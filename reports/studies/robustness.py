@@ -38,7 +38,7 @@ from touchstone.reports.verdict.outcomes import (
     class_of_end,
     judge_random,
 )
-from touchstone.reports.views.plots import DASHES, by, grid, log_axis, rule, save, strips
+from touchstone.reports.views.pictures import DASHES, by, grid, log_axis, rule, save, strips
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of, random_scene
 from touchstone.scenarios.scenario import Scenario

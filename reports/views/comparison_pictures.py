@@ -28,7 +28,7 @@ from touchstone.reports.views.comparison import (
     head,
     sections,
 )
-from touchstone.reports.views.plots import (
+from touchstone.reports.views.pictures import (
     DASHES,
     DOTS,
     INK,

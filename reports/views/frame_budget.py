@@ -16,7 +16,7 @@ import pandas as pd
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.views.plots import INK, axis, by, grid, save
+from touchstone.reports.views.pictures import INK, axis, by, grid, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
 

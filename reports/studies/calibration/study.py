@@ -36,7 +36,7 @@ from touchstone.reports.studies.calibration.probes import (
 from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
 from touchstone.reports.studies.study import Column, failure_lines, failures, kept, missing_rows
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.plots import DASHES, DOTS, PALE, axis, by, color_of, grid, rule, save
+from touchstone.reports.views.pictures import DASHES, DOTS, PALE, axis, by, color_of, grid, rule, save
 from touchstone.reports.views.render import Part, markdown
 
 LADDER_PART = 26

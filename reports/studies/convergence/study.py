@@ -30,7 +30,7 @@ from touchstone.reports.runner.tasks import own_profile, own_step
 from touchstone.reports.studies.agreement import require_truths, slope_of
 from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE
 from touchstone.reports.studies.study import kept
-from touchstone.reports.views.plots import (
+from touchstone.reports.views.pictures import (
     DASHES,
     NOTHING,
     PALE,

@@ -30,7 +30,7 @@ from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered,
 from touchstone.reports.studies.narrow_phase.poses import FAMILIES, corners, draw, size_of
 from touchstone.reports.studies.study import RefusedError, failure_lines, kept, with_interval
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.plots import DASHES, PALE, detector_looks, ends, log_axis, save
+from touchstone.reports.views.pictures import DASHES, PALE, detector_looks, ends, log_axis, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.extents import extents

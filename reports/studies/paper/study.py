@@ -38,7 +38,7 @@ from touchstone.reports.studies.paper.claims import (
     series_of,
 )
 from touchstone.reports.studies.study import failures, kept
-from touchstone.reports.views.plots import INK, axis, by, save
+from touchstone.reports.views.pictures import INK, axis, by, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue

@@ -27,7 +27,7 @@ from touchstone.reports.results import write_beside
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.studies.stability.play import KEPT, Played, file_of, play_all, recordings_in
 from touchstone.reports.verdict.figures import rotations
-from touchstone.reports.views.plots import INK, NOTHING, axis, by, grid, log_axis, save
+from touchstone.reports.views.pictures import INK, NOTHING, axis, by, grid, log_axis, save
 from touchstone.scenarios.difficulty.family import hard_scene
 from touchstone.scenarios.scenario import Scenario
 

@@ -28,7 +28,7 @@ from touchstone.reports.studies.stability.play import OUTCOME, Played, Scope, le
 from touchstone.reports.studies.stability.sheet import write_sheets
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SILENT, SURVIVED
-from touchstone.reports.views.plots import INK, PALE, by, save
+from touchstone.reports.views.pictures import INK, PALE, by, save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.difficulty.family import Family, hard_names, level_text
 

@@ -50,7 +50,7 @@ from touchstone.reports.studies.tosses.playing import (
     play,
 )
 from touchstone.reports.views.matrix import GOOD, WARN
-from touchstone.reports.views.plots import (
+from touchstone.reports.views.pictures import (
     DASHES,
     DOTS,
     INK,
