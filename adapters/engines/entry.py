@@ -26,7 +26,7 @@ class Entry:
         package: what must be importable.
         profiles: native step [s] of each profile.
         distribution: what is installed, where it is not called like the package.
-        color, marker: of the engine in pictures, as matplotlib writes them.
+        color, marker: of the engine in pictures, as Vega names them.
         rounding: what the engine stores in lower precision; "" if nothing.
         requirement: what pip installs to get the engine; "" for an engine that is not of this project.
         last_wheel: last version of Python for which a package index has a wheel of it; beyond, pip compiles.
@@ -56,7 +56,7 @@ class Entry:
     profiles: Mapping[str, float]
     distribution: str = ""
     color: str = "#666666"
-    marker: str = "P"
+    marker: str = "cross"
     rounding: str = ""
     requirement: str = ""
     last_wheel: tuple[int, int] | None = None

@@ -9,16 +9,15 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import ceil, sqrt
 from pathlib import Path
+from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
 
 from touchstone.adapters.contract import MISSING, Array, Engine, Settings, World
 from touchstone.adapters.detectors import DETECTORS, UNCONVERGED, Pair
@@ -37,15 +36,7 @@ from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, 
 from touchstone.reports.studies.study import kept, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
-from touchstone.reports.views.pictures import (
-    INK,
-    MARKERS,
-    detector_color,
-    figure,
-    logarithmic,
-    open_axes,
-    panels,
-)
+from touchstone.reports.views.pictures import detector_looks, ends, log_axis, save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
@@ -264,39 +255,34 @@ TITLES = {
 def draw(frame: pd.DataFrame, path: Path) -> None:
     """Draw one panel per curve. A marker is the median, a bar its 95 % interval."""
     shown = [name for name in TITLES if (frame.scenario == name).any()]
-    with figure(path, 5.0 * len(shown), 4.6, font=10, dpi=160) as drawn:
-        grid = panels(drawn, len(shown), len(shown))
-        for axes, name in zip(grid, shown):
-            _panel(axes, frame[frame.scenario == name], *TITLES[name])
-        grid[0].set_ylabel("median time [µs], 95 % interval, fitted power law", color=INK)
+    panels = [_panel(frame[frame.scenario == name], *TITLES[name]) for name in shown]
+    save(alt.hconcat(*panels).resolve_scale(color="independent", shape="independent"), path)
 
 
-def _panel(axes: Axes, part: pd.DataFrame, title: str, sizes_label: str) -> None:
-    used: Counter[str] = Counter()
-    for engine in dict.fromkeys(part[part.metric == "scaling.exponent"].engine):
-        colour = detector_color(engine)
-        marker = MARKERS[used[colour] % len(MARKERS)]
-        used[colour] += 1
-        mine = part[part.engine == engine]
-        power = float(mine[mine.metric == "scaling.exponent"].value.iloc[0])
-        rows = mine[mine.metric == "scaling.time"]
-        sizes = sizes_of(rows)
-        times, low, high = (1e6 * rows[name].to_numpy() for name in ("value", "low", "high"))
-        axes.errorbar(
-            sizes, times, [times - low, high - times], fmt=marker, color=colour, markersize=6,
-            markeredgecolor="white", elinewidth=1.2, capsize=0, zorder=3,
-            label=rf"{engine} $\propto n^{{{power:.2f}}}$",
-        )  # fmt: skip
-        middle = np.exp(np.mean(np.log(times) - power * np.log(sizes)))
-        ends = sizes[[0, -1]]
-        axes.plot(ends, middle * ends**power, color=colour, linewidth=1.3, alpha=0.65, zorder=2)
-    logarithmic(axes, np.unique(sizes_of(part[part.metric == "scaling.time"])))
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    open_axes(axes, "y")
-    axes.set_title(title, loc="left", color=INK, fontsize=12, fontweight="bold")
-    axes.set_xlabel(sizes_label, color=INK)
-    axes.legend(frameon=False, labelcolor="linecolor")
+def _panel(part: pd.DataFrame, title: str, sizes_label: str) -> Any:
+    powers = part[part.metric == "scaling.exponent"].set_index("engine").value
+    heads = {engine: f"{engine}: n to the {power:.2f}" for engine, power in powers.items()}
+    points = part[(part.metric == "scaling.time") & part.engine.isin(powers.index)]
+    points = points.assign(size=sizes_of(points), engine=points.engine.map(heads))
+    points[["value", "low", "high"]] *= MICRO
+    fits = []
+    for engine, power in powers.items():
+        mine = points[points.engine == heads[engine]]
+        middle = np.exp(np.mean(np.log(mine.value) - power * np.log(mine["size"])))
+        fit = mine.iloc[[0, -1]]
+        fits.append(fit.assign(value=middle * fit["size"] ** power))
+    sizes, text = points["size"], "median time [µs], 95 % interval, fitted power law"
+    x = log_axis(alt.X, "size", sizes_label, ends(sizes), values=sorted(set(sizes)), grid=False)
+    y = log_axis(alt.Y, "value", text, ends(pd.concat(fits).value, points.low, points.high))
+    marks = detector_looks(heads.values())
+    base = alt.Chart(points).encode(x=x, color=marks["color"])
+    lines = alt.Chart(pd.concat(fits)).mark_line(opacity=0.65, strokeWidth=1.3)
+    drawn = (
+        lines.encode(x=x, y=y, color=marks["color"])
+        + base.mark_rule(strokeWidth=1.2).encode(y="low:Q", y2="high:Q")
+        + base.mark_point(filled=True, size=40, opacity=1).encode(y=y, shape=marks["shape"])
+    )
+    return drawn.properties(title=title, width=270, height=220)
 
 
 def sizes_of(rows: pd.DataFrame) -> Array:

@@ -6,18 +6,19 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
+import vl_convert
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics.motion.time_series import FORCE, Course, heaviest_pairs
+from touchstone.reports.views.pictures import ends, log_axis, looks
 from touchstone.reports.views.tables import Column
 from touchstone.scenarios.scenario import Scenario
 
 INK, FAINT = "#010203", "#040506"
 """Stand-ins for the colours of text and of grid lines, which the page replaces."""
-SHAPES = {"o": "circle", "^": "triangle-up", "s": "square", "D": "diamond"}
-"""Vega's names of markers of the registry."""
 WIDTH, ROW = 620, 18
 """Width of a chart and height of one of its rows [px]."""
 
@@ -29,25 +30,8 @@ LEAST_NIGHTS = 5
 """Nights of a chart [1]: fewer show no course."""
 
 
-class ChartsMissing(ImportError):
-    """The libraries that draw charts are not installed; the message says how to install them."""
-
-
-def library() -> tuple[Any, Any]:
-    """altair and vl_convert; raises ChartsMissing."""
-    try:
-        import altair
-        import vl_convert
-    except ImportError as error:
-        raise ChartsMissing(
-            f"no charts: {error.name} is missing (pip install altair vl-convert-python)"
-        ) from error
-    return altair, vl_convert
-
-
 def svg_of(chart: Any) -> str:
     """A chart as SVG whose colours of text and lines are those of the page."""
-    _, convert = library()
     axis = {
         "labelColor": INK,
         "titleColor": INK,
@@ -62,7 +46,7 @@ def svg_of(chart: Any) -> str:
         .configure_legend(labelColor=INK, titleColor=INK, orient="top", title=None)
         .configure_title(color=INK, anchor="start", fontSize=13)
     )
-    text = str(convert.vegalite_to_svg(plain.to_dict()))
+    text = str(vl_convert.vegalite_to_svg(plain.to_dict()))
     text = text.replace(f'"{INK}"', '"var(--ink)"').replace(f'"{FAINT}"', '"var(--line)"')
     for engine, color in colors().items():
         text = text.replace(f'"{color}"', f'"var({variable(engine)})"')
@@ -77,25 +61,6 @@ def variable(engine: str) -> str:
 def colors() -> dict[str, str]:
     """Colour of every engine in pictures."""
     return {name: entry.color for name, entry in ENGINES.items()}
-
-
-def engine_scales(altair: Any, engines: Sequence[str]) -> tuple[Any, Any]:
-    """Colour and shape of marks by their engine."""
-    known = {name: ENGINES[name] for name in engines if name in ENGINES}
-    names = list(known)
-    color = altair.Scale(domain=names, range=[entry.color for entry in known.values()])
-    shape = altair.Scale(domain=names, range=[SHAPES.get(e.marker, "cross") for e in known.values()])
-    return (
-        altair.Color("engine:N", scale=color, title=None),
-        altair.Shape("engine:N", scale=shape, title=None),
-    )
-
-
-def _decades(altair: Any, values: pd.Series) -> Any:
-    """An axis with a line per decade."""
-    low, high = int(np.floor(np.log10(values.min()))), int(np.ceil(np.log10(values.max())))
-    every = 1 + (high - low) // 8
-    return altair.Axis(format="~g", values=[10.0**k for k in range(low, high + 1, every)])
 
 
 def values_of(frame: pd.DataFrame, columns: Sequence[Column], metric: str, factor: float) -> pd.DataFrame:
@@ -114,24 +79,19 @@ def dots(
 
     Values below `floor` [unit of the chart] are drawn at it.
     """
-    altair, _ = library()
     found = values_of(frame, columns, metric, factor)
     if found.engine.nunique() < 2 or found.scenario.nunique() < LEAST_SCENES:
         return ""
     found["shown"] = found.value.clip(lower=floor)
-    engines = [engine for engine, _ in columns]
-    color, shape = engine_scales(altair, engines)
     scenes = list(dict.fromkeys(found.scenario))
-    axis = _decades(altair, found.shown)
-    base = altair.Chart(found)
-    y = altair.Y("scenario:N", sort=scenes, title=None, axis=altair.Axis(grid=False))
+    base = alt.Chart(found)
+    y = alt.Y("scenario:N", sort=scenes, title=None, axis=alt.Axis(grid=False))
     lines = base.mark_rule(color=FAINT).encode(y=y, x="min(shown):Q", x2="max(shown):Q")
     marks = base.mark_point(filled=True, size=70, opacity=0.9).encode(
-        x=altair.X("shown:Q", scale=altair.Scale(type="log"), title=title, axis=axis),
+        x=log_axis(alt.X, "shown", title, ends(found.shown)),
         y=y,
-        color=color,
-        shape=shape,
-        tooltip=["scenario", "engine", altair.Tooltip("value:Q", format=".3g")],
+        tooltip=["scenario", "engine", alt.Tooltip("value:Q", format=".3g")],
+        **looks(engine for engine, _ in columns),
     )
     return svg_of((lines + marks).properties(width=WIDTH, height=ROW * len(scenes)))
 
@@ -139,28 +99,19 @@ def dots(
 def work_precision(frame: pd.DataFrame, columns: Sequence[Column]) -> str:
     """Overlap over the time of a frame, a mark per scene and engine; "" with fewer than two engines or
     LEAST_SCENES."""
-    altair, _ = library()
     time = values_of(frame, columns, "time.frame.median", 1e6).rename(columns={"value": "time"})
     depth = values_of(frame, columns, "overlap.max", 1e3).rename(columns={"value": "overlap"})
     found = time.merge(depth, on=["scenario", "engine"])
     if found.engine.nunique() < 2 or found.scenario.nunique() < LEAST_SCENES:
         return ""
     found["shown"] = found.overlap.clip(lower=1e-7)
-    color, shape = engine_scales(altair, [engine for engine, _ in columns])
-    log = altair.Scale(type="log")
-    across, up = _decades(altair, found.time), _decades(altair, found.shown)
-    chart = altair.Chart(found).mark_point(filled=True, size=80, opacity=0.85)
+    tooltips = [alt.Tooltip(f"{name}:Q", format=".3g") for name in ("time", "overlap")]
+    chart = alt.Chart(found).mark_point(filled=True, size=80, opacity=0.85)
     chart = chart.encode(
-        x=altair.X("time:Q", scale=log, title="median time of a frame [µs]", axis=across),
-        y=altair.Y("shown:Q", scale=log, title="deepest overlap [mm]", axis=up),
-        color=color,
-        shape=shape,
-        tooltip=[
-            "scenario",
-            "engine",
-            altair.Tooltip("time:Q", format=".3g"),
-            altair.Tooltip("overlap:Q", format=".3g"),
-        ],
+        x=log_axis(alt.X, "time", "median time of a frame [µs]", ends(found.time)),
+        y=log_axis(alt.Y, "shown", "deepest overlap [mm]", ends(found.shown)),
+        tooltip=["scenario", "engine", *tooltips],
+        **looks(engine for engine, _ in columns),
     )
     return svg_of(chart.properties(width=WIDTH, height=320))
 
@@ -173,19 +124,18 @@ def nights(
     Args:
         steps: label -> night at which a confirmed step begins.
     """
-    altair, _ = library()
-    color, shape = engine_scales(altair, list(dict.fromkeys(history.engine)))
-    base = altair.Chart(history).encode(
-        x=altair.X("night:T", title=None),
-        y=altair.Y("value:Q", title=unit, scale=altair.Scale(zero=False)),
-        color=color,
+    marks = looks(dict.fromkeys(history.engine))
+    base = alt.Chart(history).encode(
+        x=alt.X("night:T", title=None),
+        y=alt.Y("value:Q", title=unit, scale=alt.Scale(zero=False)),
+        color=marks["color"],
     )
     layers = base.mark_line(strokeWidth=1.4) + base.mark_point(filled=True, size=16).encode(
-        shape=shape, tooltip=["night:T", "engine", altair.Tooltip("value:Q", format=".4g")]
+        shape=marks["shape"], tooltip=["night:T", "engine", alt.Tooltip("value:Q", format=".4g")]
     )
     if steps:
         found = pd.DataFrame({"night": list(steps.values()), "label": list(steps)})
-        marks = altair.Chart(found).encode(x="night:T")
+        marks = alt.Chart(found).encode(x="night:T")
         layers += marks.mark_rule(strokeDash=[4, 3], color="#CC3311")
         layers += marks.mark_text(align="left", dx=4, y=8, color="#CC3311").encode(text="label:N")
     return svg_of(layers.properties(width=WIDTH, height=150, title=title))
@@ -205,10 +155,7 @@ def force_charts(scenes: Mapping[str, tuple[Scenario, Mapping[Column, Course]]])
     found: dict[str, str] = {}
     left = MOST_CHARACTERS
     for name, (scenario, courses) in scenes.items():
-        try:
-            svg = force_chart(scenario, courses)
-        except ChartsMissing:  # the part with the other charts says so
-            return {}
+        svg = force_chart(scenario, courses)
         if svg and len(svg) <= left:
             found[name] = svg
             left -= len(svg)
@@ -221,19 +168,18 @@ def force_chart(scenario: Scenario, courses: Mapping[Column, Course]) -> str:
     pairs = heaviest_pairs(courses.values(), MOST_PAIRS)
     if not pairs or "heap" in scenario.tags:
         return ""
-    altair, _ = library()
-    color, _ = engine_scales(altair, list(dict.fromkeys(engine for engine, _ in courses)))
-    scale = altair.Scale(domain=[0, scenario.duration], nice=False)
-    span = altair.X("time:Q", title="time [s]", scale=scale, axis=altair.Axis(tickCount=8))
+    color = looks(dict.fromkeys(engine for engine, _ in courses))["color"]
+    scale = alt.Scale(domain=[0, scenario.duration], nice=False)
+    span = alt.X("time:Q", title="time [s]", scale=scale, axis=alt.Axis(tickCount=8))
     panels = []
     for pair in pairs:
-        lines = altair.Chart(_points(courses, pair)).mark_line(strokeWidth=1.3)
-        panel = lines.encode(x=span, y=altair.Y("force:Q", title="force [N]"), color=color)
+        lines = alt.Chart(_points(courses, pair)).mark_line(strokeWidth=1.3)
+        panel = lines.encode(x=span, y=alt.Y("force:Q", title="force [N]"), color=color)
         if truths := _truths(scenario, pair):
-            rule = altair.Chart(pd.DataFrame(truths)).mark_rule(strokeDash=[5, 4], color=INK)
+            rule = alt.Chart(pd.DataFrame(truths)).mark_rule(strokeDash=[5, 4], color=INK)
             panel += rule.encode(x="start:Q", x2="end:Q", y="force:Q")
         panels.append(panel.properties(width=WIDTH, height=HEIGHT, title=pair))
-    return DECIMAL.sub(r"\1", svg_of(altair.vconcat(*panels)))
+    return DECIMAL.sub(r"\1", svg_of(alt.vconcat(*panels)))
 
 
 def _points(courses: Mapping[Column, Course], pair: str) -> pd.DataFrame:

@@ -86,17 +86,13 @@ MOST_TABLES = 1_000_000
 
 
 def charts_part(content: Content) -> str:
-    """Charts over all scenes; a sentence where the libraries are missing; "" where there is nothing to
-    compare: with few scenes the matrix says it."""
+    """Charts over all scenes; "" where there is nothing to compare: with few scenes the matrix says it."""
     columns = content.first_columns()
     if len(columns) < 2 or content.frame.scenario.nunique() < charts.LEAST_SCENES:
         return ""
-    try:
-        drawn = {"Work and precision: left and low is better": charts.work_precision(content.frame, columns)}
-        for metric, title, factor, floor in CHARTS:
-            drawn[label(metric)] = charts.dots(content.frame, columns, metric, factor, title, floor)
-    except charts.ChartsMissing as error:
-        return fold("Charts", f"<p>{escape(str(error))}</p>", "charts")
+    drawn = {"Work and precision: left and low is better": charts.work_precision(content.frame, columns)}
+    for metric, title, factor, floor in CHARTS:
+        drawn[label(metric)] = charts.dots(content.frame, columns, metric, factor, title, floor)
     parts = [figure(title, svg) for title, svg in drawn.items() if svg]
     return fold("Charts", f'<div class="charts">{"".join(parts)}</div>', "charts", True) if parts else ""
 

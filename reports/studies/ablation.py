@@ -16,9 +16,9 @@ from math import exp, isfinite, isnan, log, nan
 from pathlib import Path
 from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import FixedLocator, NullLocator
 from scipy.stats import bootstrap
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings, State
@@ -35,7 +35,7 @@ from touchstone.reports.studies.study import RefusedError, kept, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.outcomes import EXACT, judge, judge_random
 from touchstone.reports.verdict.rows import measured
-from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes, panels
+from touchstone.reports.views.pictures import PALE, color_of, log_axis, rule, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
 from touchstone.scenarios.catalogue import tagged
@@ -336,31 +336,23 @@ def mechanisms_picture(frame: pd.DataFrame, path: Path) -> None:
     """Draw per mechanism what leaving it out breaks, and what a frame then takes."""
     parts = {_split(str(name))[0]: part for name, part in frame.groupby("subject", sort=False)
              if _split(str(name))[1] == OFF}  # fmt: skip
-    parts = dict(sorted(parts.items(), key=lambda item: _value(item[1], "broken"))) or {}
-    with figure(path, 9.0, 1.6 + 0.24 * len(parts)) as drawn:
-        left, right = panels(drawn, 2, 2, sharey=True)
-        places = range(len(parts))
-        left.barh(
-            places, [_value(one, "broken") for one in parts.values()], color=color_of(ENGINE), height=0.6
-        )
-        left.set_yticks(places, list(parts))
-        left.set_xlabel("limits and outcomes broken without it", color=INK)
-        for k, one in enumerate(parts.values()):
-            time = one[one.metric == "ablation.time"]
-            if len(time):
-                low, middle, high = (float(time[name].iloc[0]) for name in ("low", "value", "high"))
-                right.plot([low, high], [k, k], color=PALE, linewidth=2.5, solid_capstyle="butt")
-                right.plot(middle, k, "o", color=color_of(ENGINE), markersize=4)
-        right.axvline(1.0, color=PALE, linewidth=0.9, linestyle=":")
-        right.set_xscale("log")
-        right.xaxis.set_major_locator(FixedLocator((0.5, 0.7, 1, 1.4, 2)))
-        right.xaxis.set_major_formatter("{x:g}")
-        right.xaxis.set_minor_locator(NullLocator())
-        left.set_ylim(-0.7, len(parts) - 0.3)
-        right.set_xlabel("time of a frame without it, over that with it [1]", color=INK)
-        for axes in (left, right):
-            open_axes(axes, "x")
-        headline(drawn, "Mechanisms of the reference: what each buys and costs")
+    broken = pd.Series({name: _value(part, "broken") for name, part in parts.items()}, dtype=float)
+    times = [part[part.metric == "ablation.time"].iloc[:1].assign(name=name) for name, part in parts.items()]
+    order = list(broken.sort_values(ascending=False).index)
+    found = broken.rename_axis("name").reset_index(name="broken")
+    y = alt.Y("name:N", sort=order, title=None, axis=alt.Axis(grid=False, ticks=False))
+    left = alt.Chart(found).mark_bar(color=color_of(ENGINE), height=9)
+    left = left.encode(x=alt.X("broken:Q", title="limits and outcomes broken without it"), y=y)
+    text, ticks = "time of a frame without it, over that with it [1]", (0.5, 0.7, 1, 1.4, 2)
+    ratio = log_axis(alt.X, "value", text, (0.4, 2.5), values=ticks)
+    base = alt.Chart(pd.concat(times)).encode(y=alt.Y("name:N", sort=order, axis=None))
+    right = (
+        base.mark_rule(color=PALE, strokeWidth=2.5).encode(x="low:Q", x2="high:Q")
+        + base.mark_point(filled=True, size=20, color=color_of(ENGINE), opacity=1).encode(x=ratio)
+        + rule(x=1)
+    )
+    panels = (one.properties(width=240, height=alt.Step(16)) for one in (left, right))
+    save(alt.hconcat(*panels), path, "Mechanisms of the reference: what each buys and costs")
 
 
 def _value(part: pd.DataFrame, name: str) -> float:

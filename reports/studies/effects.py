@@ -15,11 +15,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from rich.text import Text
 
 from touchstone.adapters.contract import Array, Engine, Settings
@@ -36,7 +34,7 @@ from touchstone.reports.runner.tasks import Task, own_profile, own_settings, pla
 from touchstone.reports.studies.study import kept, missing_rows, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.bench_tables import MICRO, limit_text, remarks, value_text
-from touchstone.reports.views.pictures import INK, PALE, color_of, figure, marker_of
+from touchstone.reports.views.pictures import INK, PALE, by, looks, rule, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import tagged
@@ -315,46 +313,33 @@ CELLS = {
 
 def savings(frame: pd.DataFrame, path: Path) -> None:
     """Draw savings per scene and engine with their intervals, beside a grid of single toggled effects."""
+    saved = frame[(frame.metric == "time.saved") & (frame.subject == ALL)]
+    saved = saved.assign(**{name: 100 * saved[name] for name in ("value", "low", "high")})
+    scenes, engines = (list(dict.fromkeys(saved[name])) for name in ("scenario", "engine"))
     rows = {(r.scenario, r.engine, r.metric, r.subject): r for r in rows_of(frame)}
-    scenes = list(dict.fromkeys(key[0] for key in rows if key[2] == "time.saved" and key[3] == ALL))
-    engines = list(dict.fromkeys(key[1] for key in rows if key[2] == "time.saved"))
-    with figure(path, 11, 2.9 + 0.22 * len(scenes)) as drawn:
-        left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.5, 1))
-        _savings(left, rows, scenes, engines)
-        _grid(right, rows, scenes)
-        handles: list[Line2D | Patch] = [
-            Line2D([], [], color=color_of(e), marker=marker_of(e), linestyle="", label=e) for e in engines
-        ]
-        shown = {mark(rows, scene, effect) for scene in scenes for effect in TOGGLED}
-        looks = [look for sign, look in CELLS.items() if sign in shown]
-        handles += [Patch(facecolor=colour, edgecolor=PALE, label=meaning) for colour, meaning in looks]
-        drawn.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-
-
-def _savings(
-    axes: Axes, rows: dict[tuple[str, str, str, str], Row], scenes: list[str], engines: list[str]
-) -> None:
-    for k, engine in enumerate(engines):
-        colour, shift = color_of(engine), 0.16 * (k - (len(engines) - 1) / 2)
-        for y, scene in enumerate(scenes):
-            if row := rows.get((scene, engine, "time.saved", ALL)):
-                axes.hlines(y + shift, 100 * row.low, 100 * row.high, color=colour, linewidth=1)
-                size = 5 if engine == REFERENCE else 3.5
-                axes.plot(100 * row.value, y + shift, marker_of(engine), color=colour, markersize=size)
-    axes.axvline(0, color=INK, linewidth=0.8)
-    axes.set_yticks(range(len(scenes)), scenes)
-    axes.set_ylim(len(scenes) - 0.5, -0.5)
-    axes.grid(True, axis="x", color="#e6e6e6", linewidth=0.6)
-    axes.set_title("saved by the plan, of the frame with all effects [%]", fontsize=9, color=INK)
-
-
-def _grid(axes: Axes, rows: dict[tuple[str, str, str, str], Row], scenes: list[str]) -> None:
-    for y, scene in enumerate(scenes):
-        for x, effect in enumerate(TOGGLED):
-            colour = CELLS[mark(rows, scene, effect)][0]
-            axes.barh(y, 1, left=x - 0.5, height=1, color=colour, edgecolor="white", linewidth=1)
-    axes.set_xlim(-0.5, len(TOGGLED) - 0.5)
-    axes.set_xticks(range(len(TOGGLED)), [e.replace("_", " ") for e in TOGGLED], rotation=60, ha="left")
-    axes.xaxis.tick_top()
-    axes.tick_params(length=0)
-    axes.set_title("each effect alone, on the reference", fontsize=9, color=INK)
+    meanings = {sign: meaning for sign, (_, meaning) in CELLS.items()}
+    marked = [(scene, effect, meanings[mark(rows, scene, effect)]) for scene in scenes for effect in TOGGLED]
+    cells = pd.DataFrame(marked, columns=["scenario", "effect", "outcome"])
+    cells["effect"] = cells.effect.str.replace("_", " ")
+    marks, order = looks(engines), {"sort": scenes, "title": None}
+    y = alt.Y("scenario:N", axis=alt.Axis(grid=False, ticks=False), **order)
+    base = alt.Chart(saved).encode(y=y, yOffset=alt.YOffset("engine:N", sort=engines), color=marks["color"])
+    x = alt.X("value:Q", title="saved by the plan, of the frame with all effects [%]")
+    points = base.mark_point(filled=True, size=20, opacity=1).encode(x=x, shape=marks["shape"])
+    points = base.mark_rule().encode(x="low:Q", x2="high:Q") + points + rule([], INK, x=0)
+    top = alt.Axis(orient="top", labelAngle=-60, ticks=False, domain=False)
+    effects = alt.X("effect:N", sort=None, title="each effect alone, on the reference", axis=top)
+    colors = {meaning: color for color, meaning in CELLS.values() if meaning in set(cells.outcome)}
+    legend = alt.Legend(columns=2, symbolStrokeColor=PALE)
+    squares = (
+        alt.Chart(cells)
+        .mark_rect(stroke="white")
+        .encode(
+            x=effects,
+            y=alt.Y("scenario:N", axis=None, **order),
+            color=by(alt.Color, "outcome", colors, legend=legend),
+        )
+    )
+    height = 16 * len(scenes)
+    panels = points.properties(width=330, height=height) | squares.properties(width=220, height=height)
+    save(panels.resolve_scale(color="independent", shape="independent"), path)

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import log10, sqrt
+from math import sqrt
 from pathlib import Path
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.colors import LogNorm
 
 from touchstone.adapters.contract import Array, Engine, Settings
 from touchstone.adapters.recorder import record
@@ -26,7 +26,7 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.tasks import played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows, with_interval
-from touchstone.reports.views.pictures import INK, PALE, figure, headline
+from touchstone.reports.views.pictures import save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball, block, slab
@@ -331,37 +331,25 @@ LEAST, MOST = 1e-10, 10.0
 def errors_picture(frame: pd.DataFrame, path: Path) -> None:
     """Draw a map of the errors: derivatives by case, over columns and h."""
     rows = frame[frame.metric == ERROR].copy()
-    names = rows.subject.str.split(", h ", expand=True)
-    rows["name"], rows["column"] = rows.scenario + "   " + names[0], rows.engine + "\n" + rows.profile
-    rows["size"] = names[1].astype(float)
-    table = rows.pivot_table(index="name", columns=["column", "size"], values="value", sort=False)
-    heads = list(dict.fromkeys(rows.column))
-    table = table[[(head, size) for head in heads for size in SIZES]]
-    with figure(path, 2.6 + 1.35 * len(heads), 1.5 + 0.23 * len(table)) as drawn:
-        axes = drawn.subplots()
-        colors = axes.pcolormesh(
-            np.clip(table.to_numpy(), LEAST, MOST), norm=LogNorm(LEAST, MOST), cmap="RdYlBu_r",
-            edgecolors="white", linewidth=0.6,
-        )  # fmt: skip
-        starts, labels = zip(*(name.split("   ") for name in table.index))
-        axes.set_yticks(np.arange(len(table)) + 0.5, labels, fontsize=8)
-        powers = [f"$10^{{{log10(size):.0f}}}$" for size in SIZES]
-        axes.set_xticks(np.arange(len(table.columns)) + 0.5, powers * len(heads))
-        axes.tick_params(length=0, labelsize=7.5, colors=INK)
-        axes.invert_yaxis()
-        for k, head in enumerate(heads):
-            middle = (k + 0.5) * len(SIZES)
-            axes.text(middle, -0.3, head, ha="center", va="bottom", color=INK, fontsize=8.5)
-            axes.axvline(k * len(SIZES), color="white", linewidth=4)
-        for start in dict.fromkeys(starts):
-            first, count = starts.index(start), starts.count(start)
-            axes.axhline(first, color="white", linewidth=4)
-            axes.text(
-                -0.16, first + count / 2, start.replace(" ", "\n"), ha="right", va="center", color=INK,
-                fontsize=9, fontweight="bold", transform=axes.get_yaxis_transform(),
-            )  # fmt: skip
-        axes.set_xlabel("h over the parameter [1]", color=INK)
-        drawn.colorbar(colors, label="error of the derivative [1]", pad=0.01).outline.set_edgecolor(PALE)
-        axes.spines[:].set_visible(False)
-        note = f"central differences with steps h, against closed forms; median over {STARTS} starts"
-        headline(drawn, "Derivatives of the end state: where they are wrong", note)
+    rows[["name", "size"]] = rows.subject.str.split(", h ", expand=True)
+    rows["name"], rows["column"] = rows.scenario + ":  " + rows["name"], rows.engine + " " + rows.profile
+    rows["value"] = rows.value.clip(LEAST, MOST)
+    colors = alt.Scale(type="log", domain=[LEAST, MOST], scheme="redyellowblue", reverse=True)
+    powers = alt.Axis(labelExpr="format(datum.value, '.0e')", ticks=False, domain=False, labelAngle=0)
+    heads = alt.Header(labelExpr="split(datum.label, ' ')", labelFontSize=8)
+    legend = alt.Legend(title="error of the derivative [1]", orient="right", format=".0e", gradientLength=120)
+    drawn = (
+        alt.Chart(rows)
+        .mark_rect(stroke="white")
+        .encode(
+            x=alt.X("size:O", sort=None, title=None, axis=powers),
+            y=alt.Y("name:N", sort=None, title=None, axis=alt.Axis(ticks=False, domain=False, labelLimit=0)),
+            color=alt.Color("value:Q", scale=colors, legend=legend),
+            column=alt.Column(
+                "column:N", sort=list(dict.fromkeys(rows.column)), title=None, spacing=4, header=heads
+            ),
+        )
+        .properties(width=alt.Step(22), height=alt.Step(16))
+    )
+    note = f"central differences with steps h over the parameter; median over {STARTS} starts"
+    save(drawn, path, "Derivatives of the end state: where they are wrong", note)

@@ -14,11 +14,9 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
 from rich.text import Text
 
 from touchstone.adapters.contract import Array, Engine
@@ -33,16 +31,17 @@ from touchstone.reports.runner.tasks import Task, own_profile, own_settings, own
 from touchstone.reports.studies.study import failures, kept, missing_rows, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import (
+    DOTS,
     INK,
-    PALE,
+    Looks,
     color_of,
-    figure,
-    headline,
-    logarithmic,
+    encoded,
+    ends,
+    grid,
+    log_axis,
     marker_of,
-    open_axes,
-    panels,
-    rows_for,
+    rule,
+    save,
 )
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
@@ -250,43 +249,31 @@ BESIDE = 1.25
 
 def amplifications(frame: pd.DataFrame, path: Path) -> None:
     """Draw the median with the range over the directions; dotted: the closed form."""
-    measured = frame[frame.metric == METRIC]
-    scenes, engines = list(dict.fromkeys(measured.scenario)), list(dict.fromkeys(measured.engine))
-    across = max(1, min(ACROSS, len(scenes)))
-    down = rows_for(len(scenes), across)
-    with figure(path, 3.4 * across + 0.8, 2.6 * down + 0.9, 9.5) as drawn:
-        for axes, scenario in zip(panels(drawn, len(scenes), across), scenes):
-            _panel(axes, measured[measured.scenario == scenario])
-            axes.set_title(str(scenario), loc="left", color=INK, fontsize=10)
-        handles = [_line(str(engine)) for engine in engines]
-        drawn.legend(handles=handles, loc="outside lower left", ncols=max(1, len(handles)), frameon=False)
-        note = f"marker: median of {DRAWS} directions    bar: from the least to the largest"
-        headline(drawn, "How far runs part that start a hair's breadth apart", note)
-        drawn.supylabel("final distance over it [1]", color=INK, fontsize=9.5)
+    found = frame[frame.metric == METRIC]
+    engines = [engine for engine in dict.fromkeys(found.engine) if engine != CLOSED_FORM]
+    beside = {engine: BESIDE ** (place - 1.5) for place, engine in enumerate(engines)} | {CLOSED_FORM: 1.0}
+    size = found.subject.str.removesuffix(" m").astype(float) * found.engine.map(beside).astype(float)
+    drawn = {name: found[name].clip(lower=FLOOR) for name in ("value", "low", "high")}
+    found = found.assign(size=size, **drawn)
+    colors, markers = [*map(color_of, engines), INK], [*map(marker_of, engines), "stroke"]
+    marks = encoded(colors, markers, [*engines, CLOSED_FORM])
+    panels = [_panel(str(name), part, marks) for name, part in found.groupby("scenario", sort=False)]
+    note = f"marker: median of {DRAWS} directions; bar: from the least to the largest"
+    save(grid(panels, ACROSS), path, "How far runs part that start a hair's breadth apart", note)
 
 
-def _panel(axes: Axes, scene: pd.DataFrame) -> None:
-    for place, (engine, part) in enumerate(scene.groupby("engine", sort=False)):
-        rows, line = rows_of(part), _line(str(engine))
-        beside = 1.0 if engine == CLOSED_FORM else BESIDE ** (place - 1.5)
-        x = [beside * float(row.subject.removesuffix(" m")) for row in rows]
-        values = [max(row.value, FLOOR) for row in rows]
-        line.set_data(x, values)
-        axes.add_line(line)
-        if engine != CLOSED_FORM:
-            low, high = [max(row.low, FLOOR) for row in rows], [max(row.high, FLOOR) for row in rows]
-            axes.vlines(x, low, high, color=line.get_color(), linewidth=3, alpha=0.25)
-    axes.set_xlabel("perturbation [m]", color=INK, fontsize=9)
-    logarithmic(axes, SIZES)
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_ylim(min(LEAST, max(FLOOR, float(scene.low.min()) / 2)), max(MOST, 2 * float(scene.high.max())))
-    axes.axhline(1, color=PALE, linewidth=0.7, zorder=1)
-    open_axes(axes, "y")
-
-
-def _line(engine: str) -> Line2D:
-    if engine == CLOSED_FORM:
-        return Line2D([], [], color=PALE, linestyle=":", linewidth=4, zorder=1.5, label=engine)
-    return Line2D(
-        [], [], color=color_of(engine), marker=marker_of(engine), markersize=4.5, linewidth=1.1, label=engine
+def _panel(title: str, scene: pd.DataFrame, marks: Looks) -> Any:
+    low, high = min(LEAST, max(FLOOR, scene.low.min() / 2)), max(MOST, 2 * scene.high.max())
+    span = ends(pd.Series(SIZES), factor=2)
+    x = log_axis(alt.X, "size", "perturbation [m]", span, values=SIZES, grid=False)
+    y = log_axis(alt.Y, "value", "final distance over it [1]", (low, high))
+    exact, played = scene[scene.engine == CLOSED_FORM], alt.Chart(scene[scene.engine != CLOSED_FORM])
+    bars = played.mark_rule(strokeWidth=3, strokeOpacity=0.25)
+    drawn = (
+        bars.encode(x=x, y="low:Q", y2="high:Q", color=marks["color"])
+        + played.mark_line(strokeWidth=1).encode(x=x, y=y, color=marks["color"])
+        + played.mark_point(filled=True, size=25, opacity=1).encode(x=x, y=y, **marks)
+        + alt.Chart(exact).mark_line(strokeDash=DOTS).encode(x=x, y=y, color=marks["color"])
+        + rule([], y=1)
     )
+    return drawn.properties(title=title, width=190, height=140)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
 
+import altair as alt
 import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
@@ -28,7 +29,7 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
 from touchstone.reports.runner.tasks import Task, played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
-from touchstone.reports.views.pictures import INK, PALE, engines_legend, figure, headline, strips
+from touchstone.reports.views.pictures import log_axis, rule, save, strips
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.relations.changes import bare
@@ -290,16 +291,11 @@ FLOOR, CEILING = 1e-18, 10.0
 
 def deviations_picture(frame: pd.DataFrame, path: Path) -> None:
     """Draw one row of markers per relation that applies to a scene, and engine."""
-    rows = scaled(frame).rename(columns={"relation": "row", "scaled": "value"})
+    rows = scaled(frame).rename(columns={"relation": "row"})
     names = [name for name in NAMES if name in set(rows["row"])]
-    with figure(path, 8.6, 1.4 + 0.5 * len(names)) as drawn:
-        axes = drawn.subplots()
-        strips(axes, names, rows[["row", "engine", "value"]], (FLOOR, CEILING))
-        axes.axvline(HELD, color=PALE, linewidth=0.9, linestyle=":")
-        text = "deviation over the scene's size and its amplification [1]; dotted: rounding; left edge: 0"
-        axes.set_xlabel(text, color=INK)
-        headline(drawn, "Changed scenes: how far motions are from where they must be")
-        engines_legend(drawn, dict.fromkeys(rows.engine))
+    text = "deviation over the scene's size and its amplification [1]; dotted: rounding; left edge: 0"
+    drawn = strips(names, rows, log_axis(alt.X, "scaled", text, (FLOOR, CEILING))) + rule(x=HELD)
+    save(drawn, path, "Changed scenes: how far motions are from where they must be")
 
 
 def scaled(frame: pd.DataFrame) -> pd.DataFrame:

@@ -13,9 +13,9 @@ from itertools import cycle
 from pathlib import Path
 from time import process_time
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings, Unsupported
 from touchstone.adapters.recorder import Player, ready
@@ -38,18 +38,7 @@ from touchstone.reports.verdict.outcomes import (
     class_of_end,
     judge_random,
 )
-from touchstone.reports.views.pictures import (
-    INK,
-    PALE,
-    engines_legend,
-    figure,
-    headline,
-    logarithmic,
-    open_axes,
-    panels,
-    rows_for,
-    strips,
-)
+from touchstone.reports.views.pictures import DASHES, by, grid, log_axis, rule, save, strips
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of, random_scene
 from touchstone.scenarios.scenario import Scenario
@@ -340,7 +329,6 @@ HUES = (
 """Markers of the kinds of scene."""
 FAILED = ("hang", "non-finite", "exploded")
 """Outcomes that are drawn even if the rise is unknown."""
-TICKS = (1e-16, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3)
 
 
 def picture(runs: pd.DataFrame, path: Path) -> None:
@@ -356,50 +344,30 @@ RISE = "largest rise of energy in a frame, over that at the start [1]"
 def rise_by_kind(runs: pd.DataFrame, path: Path) -> None:
     """Draw a marker per run, in a row per kind of scene and engine."""
     kinds = [kind for kind in ALL_KINDS if kind in set(runs.kind)]
-    rises = pd.DataFrame({"row": runs.kind, "engine": runs.engine, "value": _drawn(runs.rise, CEILING)})
-    with figure(path, 8.6, 1.4 + 0.55 * len(kinds)) as drawn:
-        axes = drawn.subplots()
-        strips(axes, kinds, rises, (FLOOR, CEILING))
-        axes.set_xlim(FLOOR / 2, _end(rises.value, FIRST_ORDER.rise))
-        for bounds, style in ((EXACT, ":"), (FIRST_ORDER, "--")):
-            axes.axvline(bounds.rise, color=PALE, linewidth=0.9, linestyle=style)
-        text = "dotted: bound of the reference; dashed: of engines of first order; left edge: at most 1e-16"
-        axes.set_xlabel(f"{RISE}\n{text}", color=INK)
-        headline(drawn, "Random scenes: rise of energy")
-        engines_legend(drawn, dict.fromkeys(runs.engine))
+    points = pd.DataFrame({"row": runs.kind, "engine": runs.engine, "rise": _drawn(runs.rise, CEILING)})
+    text = "dotted: bound of the reference; dashed: of engines of first order; left edge: at most 1e-16"
+    x = log_axis(alt.X, "rise", [RISE, text], (FLOOR / 2, _end(points.rise, FIRST_ORDER.rise)))
+    drawn = strips(kinds, points, x) + rule(x=EXACT.rise) + rule(DASHES, x=FIRST_ORDER.rise)
+    save(drawn, path, "Random scenes: rise of energy")
 
 
 def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
     """Draw one panel per engine and profile."""
-    parts = list(runs.groupby(["engine", "profile"], sort=False)) if len(runs) else []
-    right, top = _end(runs.residual, RESIDUAL_OPEN), _end(runs.rise, EXACT.rise)
-    across = max(1, min(ACROSS, len(parts)))
-    with figure(path, 5.2 * across + 0.6, 4.2 * rows_for(len(parts), across) + 1.3, 9.5) as drawn:
-        grid = panels(drawn, len(parts), across, sharex=True, sharey=True)
-        for axes, ((engine, profile), part) in zip(grid, parts):
-            _panel(axes, part)
-            axes.set_xlim(FLOOR / 3, right)
-            axes.set_ylim(FLOOR / 3, top)
-            axes.set_title(f"{engine}, {profile}: {len(part)} runs", loc="left", color=INK, fontsize=10)
-        handles, labels = grid[0].get_legend_handles_labels() if grid else ([], [])
-        drawn.legend(handles, labels, loc="outside lower left", ncols=6, frameon=False, markerscale=1.6)
-        headline(drawn, "Random scenes: rise of energy and residual")
-        drawn.supylabel(RISE, color=INK, fontsize=9.5)
-
-
-def _panel(axes: Axes, runs: pd.DataFrame) -> None:
-    for kind, hue in zip(ALL_KINDS, cycle(HUES)):
-        part = runs[runs.kind == kind]
-        if len(part):
-            axes.plot(
-                _drawn(part.residual, FLOOR), _drawn(part.rise, CEILING), "o", color=hue, label=kind,
-                markersize=3.5, markeredgewidth=0, alpha=0.75,
-            )  # fmt: skip
-    axes.axvline(RESIDUAL_OPEN, color=PALE, linewidth=0.8, linestyle=":")
-    axes.axhline(EXACT.rise, color=PALE, linewidth=0.8, linestyle=":")
-    axes.set_xlabel("largest residual of a frame [m/s]", color=INK, fontsize=9)
-    logarithmic(axes, TICKS, TICKS)
-    open_axes(axes)
+    points = runs.copy()
+    if len(runs):
+        points["residual"], points["rise"] = _drawn(runs.residual, FLOOR), _drawn(runs.rise, CEILING)
+    known = [kind for kind in ALL_KINDS if kind in set(points.kind)]
+    hues = by(alt.Color, "kind", dict(zip(ALL_KINDS, cycle(HUES))), legend=alt.Legend(values=known))
+    span = (FLOOR / 3, _end(runs.residual, RESIDUAL_OPEN))
+    x = log_axis(alt.X, "residual", "largest residual of a frame [m/s]", span)
+    y = log_axis(alt.Y, "rise", RISE, (FLOOR / 3, _end(runs.rise, EXACT.rise)))
+    panels = []
+    for (engine, profile), part in points.groupby(["engine", "profile"], sort=False):
+        marks = alt.Chart(part).mark_point(filled=True, size=14, opacity=0.75).encode(x=x, y=y, color=hues)
+        drawn = marks + rule(x=RESIDUAL_OPEN) + rule(y=EXACT.rise)
+        title = f"{engine}, {profile}: {len(part)} runs"
+        panels.append(drawn.properties(title=title, width=320, height=230))
+    save(grid(panels, ACROSS), path, "Random scenes: rise of energy and residual")
 
 
 def _end(values: pd.Series, bound: float) -> float:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from math import ceil, log10
 from pathlib import Path
+from typing import Any
 
+import altair as alt
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+import pandas as pd
 
 from touchstone.adapters.contract import Array
-from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import in_tables
 from touchstone.reports.metrics.motion.time_series import FORCE
 from touchstone.reports.results import Row, rows_of, write_beside
@@ -33,23 +29,28 @@ from touchstone.reports.views.comparison import (
     sections,
 )
 from touchstone.reports.views.pictures import (
+    DASHES,
+    DOTS,
     INK,
-    PALE,
+    POWERS,
+    Looks,
+    axis,
     color_of,
-    engines_legend,
-    figure,
-    headline,
+    encoded,
+    ends,
+    grid,
+    log_axis,
     marker_of,
-    open_axes,
-    panels,
-    rows_for,
+    rule,
+    save,
+    strips,
 )
 from touchstone.reports.views.tables import number, unit_of
 
 ACROSS = 3
 """Largest number of panels side by side."""
-WIDTH, PANEL, DOT, MILLI = 11.0, 2.3, 0.28, 1e3
-"""Width of a picture, heights of a panel and of a row of dots [inches]; milliseconds in a second."""
+PANEL, ROW, TIMES, MILLI = (210, 120), 20, 34, 1e3
+"""Width and height of a panel, heights of rows of dots and of times [point]; milliseconds in a second."""
 BELOW, LEAST_EXCESS = 0.1, 1e-4
 """Smaller values are drawn at these and labelled 0: a share of a line's `same`, an excess of friction [1]."""
 CONE = "largest excess of friction over mu times\npressure, over the latter; Coulomb: 0"
@@ -74,7 +75,7 @@ NOTES = {
     "timing": "native step calls, one thread, all engines interleaved in one run; each its own step",
     "forces": "pairs with the largest impulses, which are the engine's word; dashed: closed form",
 }
-DASHES = ";   dashed: limit of the engines, dotted: of the reference"
+DASHES_NOTE = "; dashed: limit of the engines, dotted: of the reference"
 
 
 def draw(request: Request, results: Results, folder: Path) -> None:
@@ -87,55 +88,47 @@ def draw(request: Request, results: Results, folder: Path) -> None:
 
 def _write(request: Request, results: Results, section: Section, path: Path) -> None:
     name = section.topic.name
-    with _figure(path, name, DASHES * (name in ("overlap", "energy")), columns(results)) as drawn:
-        PICTURES[name](drawn, request, results, section)
-
-
-@contextmanager
-def _figure(path: Path, name: str, more: str, own: Columns) -> Iterator[Figure]:
-    """A figure with the title and the note of a topic, and the engines; its size is set while it is drawn."""
-    with figure(path, WIDTH, PANEL, 9.5) as drawn:
-        yield drawn
-        headline(drawn, TITLES[name], NOTES[name] + more)
-        engines_legend(drawn, own, map(head, own.values()))
+    note = NOTES[name] + DASHES_NOTE * (name in ("overlap", "energy"))
+    save(PICTURES[name](request, results, section), path, TITLES[name], note)
 
 
 def draw_forces(request: Request, results: Results, folder: Path) -> None:
     """Write FORCE_PICTURE, with the panels of `force_panels`, if there is one."""
-    panels = force_panels(request, results)
-    if panels:
-        write_beside(folder / FORCE_PICTURE, partial(_write_forces, panels, columns(results)))
+    if found := force_panels(request, results):
+        own = columns(results)
+        drawn = grid([_force_panel(panel, own) for panel in found], ACROSS)
+        draw = partial(save, drawn, title=TITLES["forces"], note=NOTES["forces"])
+        write_beside(folder / FORCE_PICTURE, draw)
 
 
-def _write_forces(panels_of: Sequence[ForcePanel], own: Columns, path: Path) -> None:
-    across = min(ACROSS, len(panels_of))
-    with _figure(path, "forces", "", own) as drawn:
-        drawn.set_size_inches(WIDTH, 1.1 + PANEL * rows_for(len(panels_of), across))
-        for axes, panel in zip(panels(drawn, len(panels_of), across), panels_of):
-            _force_panel(axes, panel)
+def _marks(own: Columns) -> Looks:
+    """Looks of engines by the headings of their columns."""
+    return encoded(map(color_of, own), map(marker_of, own), list(map(head, own.values())))
 
 
-def _force_panel(axes: Axes, panel: ForcePanel) -> None:
-    scenario, pair = panel.scenario, panel.pair
-    for engine, course in panel.courses.items():
-        if (FORCE, pair) in course.values:
-            axes.plot(course.time, course.values[FORCE, pair], color=color_of(engine), linewidth=1, alpha=0.9)
-    for truth in scenario.forces:
-        if truth.quantity == "force" and truth.is_of(pair):
-            axes.hlines(truth.value, truth.start, truth.end, color=INK, linewidth=1, linestyle=(0, (4, 3)))
-    axes.set_ylim(bottom=0.0)
-    _named(axes, f"{scenario.name} {pair}", "time [s]", "[N]")
+def _force_panel(panel: ForcePanel, own: Columns) -> Any:
+    scenario, key = panel.scenario, (FORCE, panel.pair)
+    courses = {e: (one.time, one.values[key]) for e, one in panel.courses.items() if key in one.values}
+    span = axis(alt.X, "time", "time [s]", (0, scenario.duration))
+    drawn = _lines(courses, own).encode(x=span, y=alt.Y("value:Q", title="[N]"))
+    found = [t for t in scenario.forces if t.quantity == "force" and t.is_of(panel.pair)]
+    truths = [(truth.start, truth.end, truth.value) for truth in found]
+    if truths:
+        rules = alt.Chart(pd.DataFrame(truths, columns=["time", "end", "value"])).mark_rule(strokeDash=DASHES)
+        drawn += rules.encode(x="time:Q", x2="end:Q", y="value:Q")
+    return drawn.properties(title=f"{scenario.name} {panel.pair}", width=PANEL[0], height=PANEL[1])
 
 
-def _named(axes: Axes, title: str, x: str, y: str = "") -> None:
-    """Name a panel and its axes."""
-    axes.set_title(title, loc="left", color=INK, fontsize=9.5)
-    axes.set_xlabel(x, color=INK, fontsize=8.5)
-    axes.set_ylabel(y, color=INK)
-    open_axes(axes)
+def _lines(courses: Mapping[str, tuple[Array, Array]], own: Columns) -> Any:
+    """A line per engine over time."""
+    parts = [
+        pd.DataFrame({"time": time, "value": values, "engine": head(own[engine])})
+        for engine, (time, values) in courses.items()
+    ]
+    return alt.Chart(pd.concat(parts)).mark_line(strokeWidth=1).encode(color=_marks(own)["color"])
 
 
-def _over_time(figure: Figure, request: Request, results: Results, section: Section) -> None:
+def _over_time(request: Request, results: Results, section: Section) -> Any:
     """Draw the first metric of a topic in which engines differ over time. Draw dots for metrics without a
     time series and, if there are many scenes, for those outside the gallery."""
     metric = next(metric for metric in section.topic.same if any(x.metric == metric for x in section.lines))
@@ -144,21 +137,16 @@ def _over_time(figure: Figure, request: Request, results: Results, section: Sect
     gallery = {s.name for s in request.scenarios if "gallery" in s.tags or not many}
     shown = [line for line in lines if line.scenario in gallery and _courses(line, results)]
     dots = [line for line in lines if line not in shown]
-    across = max(1, min(ACROSS, len(shown)))
-    rows = ceil(len(shown) / across)
-    heights = [PANEL] * rows + [DOT * (len(dots) + 2)] * bool(dots)
-    figure.set_size_inches(WIDTH, 1.1 + sum(heights))
-    grid = figure.add_gridspec(len(heights), across, height_ratios=heights)
     top = max((value for line in shown for value in line.values.values()), default=1.0)
-    for k, line in enumerate(shown):
-        _panel(figure.add_subplot(grid[k // across, k % across]), line, results, 2 * top)
+    own = columns(results)
+    parts = [grid([_panel(line, results, 2 * top) for line in shown], ACROSS)] if shown else []
     if dots:
-        axes = figure.add_subplot(grid[rows, :])
         floor, scale = dots[0].same * BELOW, in_tables(metric)[1]
-        _dots(axes, dots, lambda row: scale * max(abs(row.value), floor))
-        axes.set_xscale("log")
-        _decades(axes.xaxis, floor * scale, axes.get_xlim()[1])
-        axes.set_xlabel(f"{metric}, largest of the run [{unit_of(metric)}]", color=INK)
+        points = _points(dots, lambda row: scale * max(abs(row.value), floor), own)
+        text = f"{metric}, largest of the run [{unit_of(metric)}]"
+        x = _from_zero(alt.X, text, floor * scale, points.value.max())
+        parts.append(strips(list(map(_name, dots)), points, x, _marks(own), (600, ROW)))
+    return grid(parts, 1)
 
 
 def _courses(line: Line, results: Results) -> dict[str, tuple[Array, Array]]:
@@ -170,124 +158,97 @@ def _courses(line: Line, results: Results) -> dict[str, tuple[Array, Array]]:
     }
 
 
-def _panel(axes: Axes, line: Line, results: Results, top: float) -> None:
+def _panel(line: Line, results: Results, top: float) -> Any:
     """Draw one scene over time up to `top` [SI], with its limits as dashes."""
     floor, scale = line.same * BELOW, in_tables(line.metric)[1]
-    courses = _courses(line, results)
-    for engine, row in line.rows.items():
-        if engine in courses:
-            time, values = courses[engine]
-            drawn = scale * np.maximum(values, floor)
-            axes.plot(time, drawn, color=color_of(engine), linewidth=1, alpha=0.9)
-        if row.limit >= floor:
-            dashes = (0, (4, 3)) if engine != REFERENCE else (0, (1, 2))
-            axes.axhline(scale * row.limit, color=PALE, linewidth=0.8, linestyle=dashes, zorder=1)
-    axes.set_yscale("log")
-    _decades(axes.yaxis, floor * scale, top * scale)
-    axes.set_ylim(floor * scale / 2, top * scale)
-    _named(axes, f"{line.scenario} {line.subject}".strip(), "time [s]", f"[{unit_of(line.metric)}]")
+    found = _courses(line, results).items()
+    courses = {engine: (time, scale * np.maximum(values, floor)) for engine, (time, values) in found}
+    y = _from_zero(alt.Y, f"[{unit_of(line.metric)}]", floor * scale, top * scale)
+    drawn = _lines(courses, columns(results)).encode(x=alt.X("time:Q", title="time [s]"), y=y)
+    for limit, dash in {(r.limit, tuple(DASHES if e != REFERENCE else DOTS)) for e, r in line.rows.items()}:
+        drawn = rule(dash, y=scale * limit) + drawn if limit >= floor else drawn
+    return drawn.properties(title=_name(line), width=PANEL[0], height=PANEL[1])
 
 
-def _dots(axes: Axes, lines: Sequence[Line], value: Callable[[Row], float]) -> None:
-    """Draw a row per line, a marker per engine, side by side where they coincide, and a tick at the limit."""
-    for k, line in enumerate(lines):
-        axes.axhspan(k - 0.5, k + 0.5, color="#f6f6f6" if k % 2 else "white", zorder=0)
-        for engine, row in line.rows.items():
-            shift = 0.2 * (list(ENGINES).index(engine) - (len(ENGINES) - 1) / 2)
-            axes.plot(
-                value(row), k + shift, marker_of(engine), color=color_of(engine), markersize=5, zorder=3
-            )
-    axes.set_yticks(range(len(lines)), [f"{line.scenario} {line.subject}".strip() for line in lines])
-    axes.set_ylim(len(lines) - 0.5, -0.5)
-    open_axes(axes)
+def _from_zero(channel: Any, title: Any, floor: float, top: float) -> Any:
+    """A logarithmic axis whose lowest tick is labelled 0."""
+    text = f"datum.value < {1.5 * floor} ? '0' : {POWERS}"
+    return log_axis(channel, "value", title, (floor / 2, max(top * 2, 10 * floor)), labelExpr=text)
 
 
-def _decades(axis: Axis, floor: float, top: float) -> None:
-    """Set ticks at decades, at most eight; the lowest is labelled 0."""
-    low, high = round(log10(floor)), ceil(log10(top))
-    step = max(1, ceil((high - low) / 8))
-    axis.set_major_locator(FixedLocator([10.0**e for e in range(low, high + 1, step)]))
-    axis.set_major_formatter(FuncFormatter(lambda v, _: "0" if v < 1.5 * floor else f"{v:g}"))
-    axis.set_minor_locator(NullLocator())
+def _points(lines: Sequence[Line], value: Callable[[Row], float], own: Columns) -> pd.DataFrame:
+    """Values by the names of their lines and columns, in the order of columns."""
+    rows = [
+        (_name(line), head(own[engine]), value(line.rows[engine]))
+        for engine in own
+        for line in lines
+        if engine in line.rows
+    ]
+    return pd.DataFrame(rows, columns=["row", "engine", "value"])
 
 
-def _friction(figure: Figure, request: Request, results: Results, section: Section) -> None:
+def _name(line: Line) -> str:
+    return f"{line.scenario} {line.subject}".strip()
+
+
+def _friction(request: Request, results: Results, section: Section) -> Any:
     """Draw the excess over the cone, and the share of mu j_n in sliding contacts."""
-    by_kind = [[line for line in section.lines if line.metric == metric] for metric, *_ in FRICTION]
-    most = max(map(len, by_kind))
-    figure.set_size_inches(WIDTH, 1.6 + DOT * (most + 2))
-    grid = figure.add_gridspec(1, sum(map(bool, by_kind)))
-    column = 0
-    for (metric, label, truth, drawn), lines in zip(FRICTION, by_kind):
-        if not lines:
-            continue
-        axes = figure.add_subplot(grid[0, column])
-        column += 1
-        _dots(axes, lines, drawn)
-        axes.set_ylim(most - 0.5, -0.5)
-        if metric == "friction.cone":
-            axes.set_xscale("log")
-            _decades(axes.xaxis, LEAST_EXCESS, axes.get_xlim()[1])
-            truth = LEAST_EXCESS
-        axes.axvline(truth, color=INK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
-        axes.set_xlabel(label, color=INK, fontsize=8.5)
+    own, parts = columns(results), []
+    for metric, label, truth, value in FRICTION:
+        if lines := [line for line in section.lines if line.metric == metric]:
+            points = _points(lines, value, own)
+            title = label.split("\n")
+            x = alt.X("value:Q", title=title, scale=alt.Scale(zero=False))
+            if metric == "friction.cone":
+                truth, x = LEAST_EXCESS, _from_zero(alt.X, title, LEAST_EXCESS, points.value.max())
+            drawn = strips(list(map(_name, lines)), points, x, _marks(own), (200, ROW))
+            parts.append(drawn + rule(DASHES, INK, x=truth))
+    return grid(parts, len(parts))
 
 
-def _timing(figure: Figure, request: Request, results: Results, section: Section) -> None:
+def _timing(request: Request, results: Results, section: Section) -> Any:
     """Draw frame times per scene and engine: median, quartiles, 5 to 95 %, maximum; with a ratio table."""
-    own = columns(results)
+    own, marks = columns(results), _marks(columns(results))
     scenes = list(dict.fromkeys(line.scenario for line in section.lines))
-    figure.set_size_inches(WIDTH, 1.8 + 0.46 * (len(scenes) + 1))
-    axes, table = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1 + 0.4 * len(own)))
-    frames = {s.name: 1 / s.frame_rate for s in request.scenarios}
-    for k, scenario in enumerate(scenes):
-        for one in (axes, table):
-            one.axhspan(k - 0.5, k + 0.5, color="#f6f6f6" if k % 2 else "white", zorder=0)
-        for place, (engine, row) in enumerate(own.items()):
-            recording = results.recordings.get((scenario, engine, row.profile))
-            if recording is not None:
-                y = k + 0.8 * ((place + 0.5) / len(own) - 0.5)
-                _spread(axes, MILLI * recording.time_frame, y, engine)
-        axes.plot([MILLI * frames[scenario]] * 2, [k - 0.5, k + 0.5], color="#cc3311", linewidth=1)
-    axes.set_yticks(range(len(scenes)), scenes)
-    axes.set_ylim(len(scenes) - 0.5, -0.5)
-    axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-    axes.set_xlabel("time [ms]: median, quartiles, 5 to 95 %, longest; red: a frame at 60 Hz", color=INK)
-    open_axes(axes)
-    _ratio_table(table, results, scenes, own)
+    rows = []
+    for scenario in scenes:
+        for engine, row in own.items():
+            if recording := results.recordings.get((scenario, engine, row.profile)):
+                times = MILLI * recording.time_frame
+                rows.append((scenario, head(row), *np.percentile(times, [5, 25, 50, 75, 95, 100])))
+    table = pd.DataFrame(rows, columns=["row", "engine", "low", "first", "value", "third", "high", "most"])
+    limits = [(s.name, MILLI / s.frame_rate) for s in request.scenarios if s.name in scenes]
+    frames = pd.DataFrame(limits, columns=["row", "value"])
+    title = "time [ms]: median, quartiles, 5 to 95 %, longest; red: a frame at 60 Hz"
+    x = log_axis(alt.X, "value", title, ends(table.low, table.most, frames.value) if rows else (0.01, 100))
+    drawn = strips(scenes, table, x, marks, (500, TIMES))
+    y, beside = alt.Y("row:N", sort=scenes), alt.YOffset("engine:N", sort=list(map(head, own.values())))
+    base = alt.Chart(table).encode(y=y, yOffset=beside, color=marks["color"])
+    drawn += base.mark_rule().encode(x="low:Q", x2="high:Q")
+    drawn += base.mark_rule(strokeWidth=4, strokeOpacity=0.5).encode(x="first:Q", x2="third:Q")
+    drawn += base.mark_tick(height=5).encode(x="most:Q")
+    drawn += alt.Chart(frames).mark_tick(color="#cc3311").encode(x="value:Q", y=y)
+    return alt.hconcat(drawn, _ratio_table(results, scenes, own))
 
 
-def _spread(axes: Axes, times: Array, y: float, engine: str) -> None:
-    low, first, middle, third, high = np.percentile(times, [5, 25, 50, 75, 95])
-    colour = color_of(engine)
-    axes.plot([low, high], [y, y], color=colour, linewidth=1)
-    axes.plot([first, third], [y, y], color=colour, linewidth=4, solid_capstyle="butt", alpha=0.5)
-    axes.plot(middle, y, marker_of(engine), color=colour, markersize=4.5, zorder=3)
-    axes.plot(times.max(), y, "|", color=colour, markersize=5)
-
-
-def _ratio_table(axes: Axes, results: Results, scenes: list[str], own: Columns) -> None:
+def _ratio_table(results: Results, scenes: list[str], own: Columns) -> Any:
     """Add the table of the reference's mean frame with contact over each engine's, with its interval."""
-    ratios = rows_of(results.frame[results.frame.metric == "ratio.time"])
-    found = {
-        (row.scenario, row.subject): row for row in ratios if row.profile == own.get(REFERENCE, row).profile
-    }
     heads = {f"{engine} {row.profile}": engine for engine, row in own.items() if engine != REFERENCE}
-    for x, (name, engine) in enumerate(heads.items()):
-        axes.text(x + 0.5, -0.5, engine, color=color_of(engine), fontweight="bold", ha="center", va="bottom")
-        for k, scenario in enumerate(scenes):
-            if row := found.get((scenario, name)):
-                text = f"{number(row.value)}\n{number(row.low)} to {number(row.high)}"
-                axes.text(x + 0.5, k, text, ha="center", va="center", fontsize=7.5, color=INK)
-    axes.set_xlim(0, max(1, len(heads)))
-    axes.set_title(
-        "frame with contact of the reference over that of (one run)", pad=22, fontsize=9.5, color=INK
-    )
-    axes.axis("off")
+    cells = [
+        (row.scenario, heads[row.subject], f"{number(row.value)}\n{number(row.low)} to {number(row.high)}")
+        for row in rows_of(results.frame[results.frame.metric == "ratio.time"])
+        if row.profile == own.get(REFERENCE, row).profile and row.subject in heads and row.scenario in scenes
+    ]
+    title = ["frame with contact of the reference", "over that of (one run)"]
+    top = alt.Axis(orient="top", labelAngle=0, ticks=False, domain=False, grid=False)
+    x = alt.X("engine:N", sort=list(heads.values()), title=title, axis=top)
+    texts = alt.Chart(pd.DataFrame(cells, columns=["row", "engine", "text"]))
+    texts = texts.mark_text(lineBreak="\n", fontSize=7.5)
+    drawn = texts.encode(x=x, y=alt.Y("row:N", sort=scenes, axis=None), text="text:N")
+    return drawn.properties(width=70 * len(heads), height=TIMES * len(scenes))
 
 
-PICTURES: dict[str, Callable[[Figure, Request, Results, Section], None]] = {
+PICTURES: dict[str, Callable[[Request, Results, Section], Any]] = {
     "overlap": _over_time,
     "energy": _over_time,
     "friction": _friction,

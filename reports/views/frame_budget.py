@@ -7,15 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import ceil
 from pathlib import Path
+from typing import Any
 
+import altair as alt
 import numpy as np
-from matplotlib.axes import Axes
+import pandas as pd
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.views.pictures import INK, PALE, figure
+from touchstone.reports.views.pictures import INK, axis, by, grid, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
 
@@ -101,11 +102,14 @@ def _told(counts: Array) -> tuple[str, str]:
     return (f"{some.mean():.1f}", f"{some.max():.0f}") if len(some) else ("", "")
 
 
-COLUMNS = 2
+COLUMNS, WIDTH = 2, 330
+"""Panels side by side, and the width of one [point]."""
 STAGES = (("collision", "#0072B2"), ("removal", "#D55E00"), ("impulses", "#009E73"), ("other", "#c9c9c9"))
 """Colours of Okabe and Ito, safe for colour-blind readers; `removal` includes inverse kinematics."""
 NAMES = {"removal": "overlap removal", "other": "all else"}
-SOLVES_COLOR, CONTACTS_COLOR = "#e3b489", "#0072B2"
+COLORS = {NAMES.get(name, name): color for name, color in STAGES}
+COLORS |= {"posture QPs": "#e3b489", "contacting pairs": INK}
+COLOR = by(alt.Color, "part", COLORS)
 HEADROOM, CUT = 1.5, 97.0
 """A panel ends at this factor times this percentile of its frames: single frames that the operating system
 interrupted would hide all others."""
@@ -120,59 +124,34 @@ def write_picture(recordings: Mapping[tuple[str, str, str], Recording], folder: 
 
 def frame_budget(found: list[Budget], path: Path) -> None:
     """Draw the scenes in rows of two panels."""
-    lines = ceil(len(found) / COLUMNS)
-    with figure(path, 11, 0.6 + 2.6 * lines, 9.5) as drawn:
-        heights = {"height_ratios": [3, 1.5] * lines}
-        panels = drawn.subplots(2 * lines, COLUMNS, squeeze=False, gridspec_kw=heights)
-        for axes in panels.flat:
-            axes.set_axis_off()
-        for place, budget in enumerate(found):
-            line, column = divmod(place, COLUMNS)
-            _draw_stages(panels[2 * line, column], budget)
-            _draw_work(panels[2 * line + 1, column], budget)
-            last = place + COLUMNS >= len(found)
-            panels[2 * line + 1, column].set_xlabel("time in the scene [s]" if last else "")
-        stages, work = (panels[k, 0].get_legend_handles_labels() for k in (0, 1))
-        handles, labels = (one + other for one, other in zip(stages, work))
-        drawn.legend(handles, labels, loc="outside upper center", ncols=6, frameon=False)
+    save(grid([_stages(budget) & _work(budget) for budget in found], COLUMNS), path)
 
 
-def _draw_stages(axes: Axes, budget: Budget) -> None:
-    time = budget.time
+def _stages(budget: Budget) -> Any:
     named = [name for name, _ in STAGES[:-1]]
-    none = np.zeros_like(time)
-    seconds = [budget.stages.get(name, none) for name in named]
-    seconds.append(np.maximum(0.0, budget.frame - np.sum(seconds, axis=0)))
-    axes.stackplot(
-        time,
-        [1e6 * row for row in seconds],
-        labels=[NAMES.get(name, name) for name, _ in STAGES],
-        colors=[colour for _, colour in STAGES],
-        linewidth=0,
-    )
-    _plain(axes, time)
+    seconds = {name: budget.stages.get(name, np.zeros_like(budget.time)) for name in named}
+    seconds["other"] = np.maximum(0.0, budget.frame - sum(seconds.values()))
+    table = 1e6 * pd.DataFrame(seconds, index=pd.Index(budget.time, name="time"))
+    table = table.rename(columns=NAMES).reset_index().melt("time", var_name="part", value_name="us")
     top = HEADROOM * 1e6 * float(np.percentile(budget.frame, CUT))
     cut = int((1e6 * budget.frame > top).sum())
-    axes.set_ylim(0, top)
-    axes.tick_params(labelbottom=False)
-    axes.set_ylabel("frame [us]")
-    axes.set_title(f"{budget.scene}: median {1e6 * budget.cost:.0f} us", loc="left", color=INK, fontsize=10.5)
-    if cut:
-        axes.set_title(f"{cut} frame{'s' if cut > 1 else ''} higher", loc="right", color=PALE, fontsize=9.5)
+    head = f"{budget.scene}: median {1e6 * budget.cost:.0f} us"
+    title = {"text": head, "subtitle": f"frames higher: {cut}" if cut else ""}
+    x = axis(alt.X, "time", None, (0, budget.time[-1]), labels=False, grid=False)
+    y = axis(alt.Y, "us", "frame [us]", (0, top), grid=False)
+    table["order"] = table.part.map(list(COLORS).index)
+    drawn = alt.Chart(table).mark_area(clip=True).encode(x=x, y=y, color=COLOR, order="order:Q")
+    return drawn.properties(title=title, width=WIDTH, height=110)
 
 
-def _draw_work(axes: Axes, budget: Budget) -> None:
-    time = budget.time
+def _work(budget: Budget) -> Any:
     solves, pairs = budget.counts[SOLVES], budget.counts[PAIRS]
-    axes.vlines(time, 0, solves, color=SOLVES_COLOR, linewidth=1.0, label="posture QPs")
-    axes.step(time, pairs, where="mid", color=CONTACTS_COLOR, linewidth=1.4, label="contacting pairs")
-    _plain(axes, time)
-    axes.set_ylim(0, max(4.0, 1.15 * float(max(solves.max(), pairs.max()))))
-    axes.set_ylabel("count")
-
-
-def _plain(axes: Axes, time: Array) -> None:
-    axes.set_axis_on()
-    axes.set_xlim(0, float(time[-1]))
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(color=PALE)
+    table = pd.DataFrame({"time": budget.time, "solves": solves, "pairs": pairs})
+    x = axis(alt.X, "time", "time in the scene [s]", (0, budget.time[-1]), grid=False)
+    y = axis(
+        alt.Y, "solves", "count", (0, max(4.0, 1.15 * float(max(solves.max(), pairs.max())))), grid=False
+    )
+    bars = alt.Chart(table[table.solves > 0].assign(part="posture QPs")).mark_rule()
+    line = alt.Chart(table.assign(part="contacting pairs")).mark_line(interpolate="step", strokeWidth=1.4)
+    bars = bars.encode(x=x, y=y, y2=alt.datum(0), color=COLOR)
+    return (bars + line.encode(x=x, y="pairs:Q", color=COLOR)).properties(width=WIDTH, height=55)

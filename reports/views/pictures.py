@@ -1,28 +1,35 @@
-"""Figures, colours and markers of pictures, by matplotlib without a display."""
+"""Theme, colours, markers and axes of pictures, which Vega draws without a display."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import altair as alt
 import pandas as pd
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, NullLocator
+import vl_convert
 
 from touchstone.adapters.registry import ENGINES
 
-INK, PALE = "#222222", "#8a8a8a"
+INK, PALE, GRID = "#222222", "#8a8a8a", "#e8e8e8"
 LIBRARY_COLORS = {"python-fcl": "#D55E00", "coal": "#0072B2"}
 """Colours of detectors that belong to no engine; with those of the engines, the palette of Okabe and Ito."""
-MARKERS = "osD"
+DETECTOR_SHAPES = ("circle", "square", "diamond")
 """Markers of an engine's detectors, in the order of the table."""
+DOTS, DASHES = [1, 2], [4, 3]
+"""Lengths of the strokes and gaps of a line [point]."""
+RESOLUTION = 150
+"""Pixels of a PNG in an inch, which has 72 points: sizes of charts are in points."""
+NOTHING = pd.DataFrame([{}])
+"""Data of marks of which there is one."""
+Looks = Mapping[str, Any]
+"""Colour and shape of marks, for `encode`."""
+DECADES, SHORT = 8, 100.0
+"""Most ticks of a logarithmic axis, and largest ratio of its ends with ticks within decades [1]."""
+POWERS = "format(datum.value, datum.value < 1e-3 || datum.value > 1e5 ? '.0e' : '~g')"
+"""Text of a tick of a logarithmic axis."""
 
 
 def color_of(engine: str) -> str:
@@ -41,93 +48,115 @@ def detector_color(name: str) -> str:
     return next((color for owner, color in colors.items() if name.startswith(owner)), INK)
 
 
-GRID = "#e8e8e8"
-STYLE: dict[Any, Any] = {"font.family": "DejaVu Sans", "axes.edgecolor": PALE, "svg.hashsalt": "touchstone"}
+def save(chart: Any, path: Path, title: str = "", note: str = "", kind: str = "png", size: float = 9) -> None:
+    """Write a chart as PNG or SVG with texts of a size [point]; equal data make equal files."""
+    head = {"text": title, "subtitle": note, "fontSize": 13, "subtitleFontSize": 9.5, "offset": 12}
+    text = {"labelColor": INK, "titleColor": INK, "labelFontSize": size, "titleFontSize": size}
+    axes = {
+        "gridColor": GRID,
+        "domainColor": PALE,
+        "tickColor": PALE,
+        "titleFontWeight": "normal",
+        "labelLimit": 0,
+    }
+    legend = {"orient": "bottom", "columns": 6, "title": None, "labelLimit": 0, "symbolSize": 60}
+    heads = {"color": INK, "subtitleColor": PALE, "fontSize": size + 1, "subtitleFontSize": size}
+    look = {
+        "font": "Liberation Sans, Arial, sans-serif",
+        "background": "white",
+        "padding": 8,
+        "concat": {"spacing": 12},
+        "view": {"stroke": None},
+        "title": {"anchor": "start", **heads},
+        "axis": text | axes,
+        "legend": text | legend,
+    }
+    found = {**chart.to_dict(), **({"title": head} if title else {}), "config": look}
+    if kind == "svg":
+        path.write_text(vl_convert.vegalite_to_svg(found), "utf-8")
+    else:
+        path.write_bytes(vl_convert.vegalite_to_png(found, ppi=RESOLUTION))
 
 
-@contextmanager
-def figure(
-    path: Path,
-    width: float,
-    height: float,
-    font: float = 9,
-    kind: str = "png",
-    style: Mapping[Any, Any] = {},
-    **options: Any,
-) -> Iterator[Figure]:
-    """An empty figure [inch] that is written to `path` in the end; an SVG bears no date."""
-    with rc_context({**STYLE, "font.size": font, **style}):
-        found = Figure(figsize=(width, height), **{"dpi": 150, "layout": "constrained", **options})
-        FigureCanvasAgg(found)
-        yield found
-        found.savefig(
-            path, format=kind, facecolor="white", metadata={"Date": None} if kind == "svg" else None
-        )
+def looks(engines: Iterable[str]) -> Looks:
+    """Colour and shape of marks by their column `engine`."""
+    known = [name for name in engines if name in ENGINES]
+    return encoded(map(color_of, known), map(marker_of, known), known)
 
 
-def rows_for(count: int, across: int) -> int:
-    """Rows of panels, of which `across` are side by side."""
-    return max(1, -(-count // across))
+def detector_looks(names: Iterable[str]) -> Looks:
+    """Colour and shape of marks by their column `engine`: detectors of an engine differ in shape."""
+    known = list(names)
+    colors = [detector_color(name) for name in known]
+    shapes = [DETECTOR_SHAPES[colors[:k].count(color) % 3] for k, color in enumerate(colors)]
+    return encoded(colors, shapes, known)
 
 
-def panels(found: Figure, count: int, across: int, **options: Any) -> list[Axes]:
-    """Axes of `count` panels, row by row; the places that are left over stay empty."""
-    grid = found.subplots(rows_for(count, across), across, squeeze=False, **options)
-    for axes in grid.flat[count:]:
-        axes.set_visible(False)
-    return list(grid.flat)[:count]
+def encoded(
+    colors: Iterable[str], shapes: Iterable[str], names: Sequence[str], field: str = "engine"
+) -> Looks:
+    """Colour and shape of marks by a column, in the order of names."""
+    pairs = (("color", alt.Color, colors), ("shape", alt.Shape, shapes))
+    return {name: by(channel, field, dict(zip(names, look))) for name, channel, look in pairs}
 
 
-def open_axes(axes: Axes, grid: Any = "both", labels: float = 8.5) -> None:
-    """Draw a pale grid, and no more of the frame than the axes."""
-    axes.grid(axis=grid, color=GRID, linewidth=0.7)
-    axes.set_axisbelow(True)
-    axes.tick_params(colors=INK, length=3, labelsize=labels)
-    axes.spines[["top", "right"]].set_visible(False)
+def by(channel: Any, field: str, look: Mapping[str, Any], **options: Any) -> Any:
+    """A look of marks by a column."""
+    scale = alt.Scale(domain=list(look), range=list(look.values()))
+    return channel(f"{field}:N", scale=scale, title=None, **options)
 
 
-def logarithmic(axes: Axes, x: Iterable[float] = (), y: Iterable[float] = ()) -> None:
-    """Make both axes logarithmic, with ticks at the given values, or where matplotlib puts them."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    for axis, ticks in ((axes.xaxis, x), (axes.yaxis, y)):
-        if places := list(ticks):
-            axis.set_major_locator(FixedLocator(places))
-        axis.set_minor_locator(NullLocator())
+def ends(*values: pd.Series, factor: float = 1.3) -> tuple[float, float]:
+    """Ends of a logarithmic axis: beyond all values by a factor."""
+    return min(map(min, values)) / factor, max(map(max, values)) * factor
 
 
-def headline(found: Figure, text: str, note: str = "") -> None:
-    """Write a title at the left, and a note in the line of space below."""
-    found.suptitle(f"{text}\n", x=0.01, ha="left", color=INK, fontsize=13, fontweight="bold")
-    found.text(0.01, 1 - 0.36 / found.get_figheight(), note, color=PALE, fontsize=9.5, va="top")
+def axis(
+    channel: Any, field: str, title: Any, span: tuple[float, float], kind: str = "linear", **options: Any
+) -> Any:
+    """An axis between two values; what lies beyond is drawn at the ends of a logarithmic one."""
+    scale = alt.Scale(type=kind, domain=span, nice=False, zero=False, clamp=kind == "log")
+    return channel(f"{field}:Q", title=title, scale=scale, axis=alt.Axis(**options))
 
 
-def strips(axes: Axes, rows: Sequence[str], points: pd.DataFrame, bounds: tuple[float, float]) -> None:
-    """Draw a row of markers per name and engine on a logarithmic axis.
+def log_axis(channel: Any, field: str, title: Any, span: tuple[float, float], **options: Any) -> Any:
+    """A logarithmic axis with ticks at decades, or at `values`."""
+    low, high = span
+    first, last = floor(log10(low)), ceil(log10(high))
+    within = (1, 2, 5) if high < SHORT * low else (1,)
+    decades = range(first, last + 1, 1 + (last - first) // DECADES)
+    ticks = options.pop("values", [10.0**k * one for k in decades for one in within])
+    seen = [tick for tick in ticks if low <= tick <= high]
+    return axis(channel, field, title, span, "log", **{"values": seen, "labelExpr": POWERS, **options})
+
+
+def grid(panels: Sequence[Any], across: int) -> Any:
+    """Panels row by row, `across` side by side, with one legend."""
+    drawn = alt.concat(*panels or [alt.Chart(NOTHING).mark_text(text="no data")], columns=across)
+    return drawn.resolve_scale(color="shared", shape="shared")
+
+
+def rule(dash: Sequence[float] = DOTS, color: str = PALE, **at: float) -> Any:
+    """A line across a chart at x or y."""
+    place = {axis: alt.datum(value) for axis, value in at.items()}
+    return alt.Chart(NOTHING).mark_rule(color=color, strokeDash=list(dash)).encode(**place)
+
+
+def strips(
+    rows: Sequence[str],
+    points: pd.DataFrame,
+    x: Any,
+    marks: Looks | None = None,
+    size: tuple[float, float] = (500, 36),
+) -> Any:
+    """A row of markers per name and engine.
 
     Args:
-        points: columns `row`, `engine` and `value`.
-        bounds: smaller and larger values are drawn at these.
+        points: columns `row`, `engine` and that of `x`.
+        size: width of the chart and height of a row [point].
     """
     engines = list(dict.fromkeys(points.engine))
-    places = points["row"].map(list(rows).index)
-    for j, engine in enumerate(engines):
-        mine = points.engine == engine
-        axes.plot(
-            np.clip(points.value[mine].to_numpy(float), *bounds),
-            places[mine] + 0.68 / len(engines) * (j - len(engines) / 2 + 0.5),
-            marker_of(engine), color=color_of(engine), markersize=4, alpha=0.7,
-            markeredgewidth=0, linestyle="",
-        )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_xlim(bounds[0] / 2, bounds[1] * 2)
-    axes.set_yticks(range(len(rows)), rows)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    open_axes(axes, "x")
-
-
-def engines_legend(found: Figure, engines: Iterable[str], heads: Iterable[str] = ()) -> None:
-    """Name the markers of engines below a figure, by their names or by `heads`."""
-    looks = [{"color": color_of(one), "marker": marker_of(one), "linestyle": ""} for one in engines]
-    handles = [Line2D([], [], label=name, **look) for name, look in zip(list(heads) or engines, looks)]  # type: ignore[arg-type]
-    found.legend(handles=handles, loc="outside lower left", ncols=6, frameon=False)
+    y = alt.Y("row:N", sort=list(rows), title=None, axis=alt.Axis(ticks=False, grid=False))
+    drawn = alt.Chart(points).mark_point(filled=True, size=20, opacity=0.7)
+    drawn = drawn.encode(x=x, y=y, yOffset=alt.YOffset("engine:N", sort=engines), **(marks or looks(engines)))
+    return drawn.properties(width=size[0], height=size[1] * len(rows))

@@ -22,7 +22,7 @@ ENTRY = Entry(
         SLEEPING: 1 / 240,
     },
     color="#B8860B",
-    marker="s",
+    marker="square",
     rounding="corners of hulls rounded to about 1e-4 of their size",
     requirement="pybullet",
     last_wheel=(3, 11),

@@ -13,7 +13,7 @@ ENTRY = Entry(
         SLEEPING: 1 / 1020,
     },
     color="#AA4499",
-    marker="^",
+    marker="triangle-up",
     rounding="vertices of hulls in single precision",
     requirement="dartpy<7",
     lacks=("static friction", "rolling friction", "torsional friction"),

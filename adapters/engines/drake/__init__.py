@@ -9,7 +9,7 @@ ENTRY = Entry(
     {RECOMMENDED: 1 / 1020, DEFAULT: 1 / 1020, SAP: 1 / 1020, TAMSI: 1 / 1020, CENIC: EQUAL_STEP},
     distribution="drake",
     color="#56B4E9",
-    marker="v",
+    marker="triangle-down",
     requirement="drake",
     lacks=(
         *("restitution", "kinematic links", "prescribed bodies", "moving surfaces", "joints between bodies"),

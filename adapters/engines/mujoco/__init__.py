@@ -13,7 +13,7 @@ ENTRY = Entry(
         SLEEPING: 1 / 540,
     },
     color="#009E73",
-    marker="D",
+    marker="diamond",
     rounding="vertices of hulls in single precision",
     requirement="mujoco",
     lacks=("static friction",),

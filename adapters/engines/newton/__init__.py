@@ -8,7 +8,7 @@ ENTRY = Entry(
     "newton",
     {XPBD: 1 / 600, MUJOCO: 1 / 600, ELLIPTIC: 1 / 600, STEEL: 1 / 240, KAMINO: 1 / 300},
     color="#882255",
-    marker="X",
+    marker="wedge",
     rounding="everything in single precision",
     requirement="newton",
     compiles="touchstone.adapters.engines.newton:compile_note",

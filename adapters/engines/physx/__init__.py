@@ -8,7 +8,7 @@ ENTRY = Entry(
     "sapien",
     {RECOMMENDED: 1 / 120, DEFAULT: 1 / 120, PGS: 1 / 120},
     color="#999933",
-    marker="d",
+    marker="triangle-left",
     rounding="everything in single precision",
     requirement="sapien",
     settings="touchstone.adapters.engines.physx.settings:SETTINGS",

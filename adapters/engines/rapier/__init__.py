@@ -7,7 +7,7 @@ ENTRY = Entry(
     "rapier3d",
     {RECOMMENDED: 1 / 60, DEFAULT: 1 / 60, ACCURATE: 1 / 60},
     color="#44AA99",
-    marker="h",
+    marker="arrow",
     rounding="everything in single precision",
     requirement="rapier3d",
     settings="touchstone.adapters.engines.rapier.settings:SETTINGS",

@@ -8,7 +8,7 @@ ENTRY = Entry(
     {"balanced": 1 / 60, "paper": 1 / 60, "accurate": 1 / 60, "equal-step": EQUAL_STEP},
     distribution="touchstone-contact",
     color="#000000",
-    marker="o",
+    marker="circle",
     requirement="numba",
     compiles="touchstone.adapters.engines.reference.compile_progress:compile_progress",
     settings="touchstone.adapters.engines.reference.settings:SETTINGS",

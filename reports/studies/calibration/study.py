@@ -6,15 +6,15 @@ motion. Adapters never read the results.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import isnan, nan
 from pathlib import Path
+from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ACCURATE, DEFAULT, ENGINES, installed, load
@@ -36,7 +36,7 @@ from touchstone.reports.studies.calibration.probes import (
 from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
 from touchstone.reports.studies.study import Column, failure_lines, failures, kept, missing_rows
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes
+from touchstone.reports.views.pictures import DASHES, DOTS, PALE, axis, by, color_of, grid, rule, save
 from touchstone.reports.views.render import Part, markdown
 
 LADDER_PART = 26
@@ -415,24 +415,32 @@ def requested_and_achieved(frame: pd.DataFrame, path: Path) -> None:
     phase within a step at which bodies land. Friction per heading: medians over coefficients and shapes, with
     their range.
     """
-    engines = [name for name in ENGINES if name in set(frame[frame.value.notna()].engine)]
-    count = max(1, len(engines))
-    with figure(path, 3.1 * count + 0.6, 7.3, font=10.5, dpi=160) as drawn:
-        axes = drawn.subplots(2, count, sharex="row", sharey="row", squeeze=False)
-        for column, engine in enumerate(engines):
-            mine = frame[(frame.engine == engine) & frame.value.notna()]
-            for profile, filled in _profiles(mine):
-                part = mine[mine.profile == profile]
-                _draw_ranges(axes[0, column], _restitutions(part), engine, profile, filled, 0.014)
-                _draw_ranges(axes[1, column], _frictions(part), engine, profile, filled, 1.1)
-            axes[0, column].set_title(engine, color=color_of(engine), fontweight="bold", fontsize=12)
-        _frame_panels(axes)
-        title = "Bodies that land on a floor and slide over it: what engines make of restitution and friction"
-        note = (
-            "marker: median    bar: range over balls, boxes and hulls, and over speeds from "
-            f"{JUDGED_SPEED:g} m/s on (restitution) or the coefficients asked (friction)"
-        )
-        headline(drawn, title, note)
+    parts = {engine: frame[(frame.engine == engine) & frame.value.notna()] for engine in ENGINES}
+    bounced = {engine: _ranges(part, _restitutions, 0.014) for engine, part in parts.items() if len(part)}
+    slid = {engine: _ranges(part, _frictions, 1.1) for engine, part in parts.items() if len(part)}
+    line = alt.Chart(pd.DataFrame({"x": [0, 1], "middle": [0, 1]})).mark_line(color=PALE, strokeDash=DASHES)
+    sides = alt.Chart(pd.DataFrame(SIDES, columns=["middle", "name"])).encode(y="middle:Q")
+    text = sides.mark_text(align="left", dx=4, dy=-5, color=PALE).encode(x=alt.value(0), text="name:N")
+    levels = rule(DASHES, y=1) + sides.mark_rule(color=PALE, strokeDash=DOTS) + text
+    x = axis(alt.X, "x", "restitution asked", (-0.05, 1.05))
+    y = axis(alt.Y, "middle", "restitution achieved", _span(bounced, -0.05, 1.05))
+    below, legend = line.encode(x="x:Q", y="middle:Q"), alt.Legend(orient="top-left", columns=1)
+    panels = [below + _panel(engine, part, x, y, legend) for engine, part in bounced.items()]
+    headings: dict[str, Any] = {"values": [0, 22.5, 45], "labelExpr": "datum.value + '°'", "grid": False}
+    x = axis(alt.X, "x", "heading of the slide", (-7, 52), **headings)
+    y = axis(alt.Y, "middle", "friction achieved / asked", _span(slid, 0.45, 1.5))
+    panels += [levels + _panel(engine, part, x, y, None) for engine, part in slid.items()]
+    title = "Bodies that land on a floor and slide over it: what engines make of restitution and friction"
+    note = (
+        "marker: median; bar: range over balls, boxes and hulls, and over speeds from "
+        f"{JUDGED_SPEED:g} m/s on (restitution) or the coefficients asked (friction)"
+    )
+    save(grid(panels, len(bounced)).resolve_scale(fill="independent"), path, title, note)
+
+
+def _span(found: Mapping[str, pd.DataFrame], low: float, high: float) -> tuple[float, float]:
+    whole = pd.concat([pd.DataFrame({"low": [low], "high": [high]}), *found.values()])
+    return whole.low.min(), whole.high.max()
 
 
 Ranges = dict[float, list[float]]
@@ -444,6 +452,27 @@ def _profiles(frame: pd.DataFrame) -> list[tuple[str, bool]]:
     names = list(dict.fromkeys(frame.profile))
     second = ACCURATE if ACCURATE in names else next(iter(names[1:]), "")
     return [(names[0], True)] + ([(second, False)] if second not in ("", names[0]) else [])
+
+
+def _ranges(frame: pd.DataFrame, find: Callable[[pd.DataFrame], Ranges], shift: float) -> pd.DataFrame:
+    """Median and range of each list by its abscissa; the first profile a little to the left."""
+    rows = []
+    for profile, filled in _profiles(frame):
+        for place, found in sorted(find(frame[frame.profile == profile]).items()):
+            x = place + (-shift if filled else shift)
+            rows.append((profile, filled, x, min(found), float(np.median(found)), max(found)))
+    return pd.DataFrame(rows, columns=["profile", "filled", "x", "low", "middle", "high"])
+
+
+def _panel(engine: str, found: pd.DataFrame, x: Any, y: Any, legend: Any) -> Any:
+    color = color_of(engine)
+    fill = by(alt.Fill, "profile", dict(zip(dict.fromkeys(found.profile), (color, "white"))), legend=legend)
+    base = alt.Chart(found).encode(x=x)
+    drawn = base.mark_point(stroke=color, size=45, opacity=1).encode(y=y, fill=fill)
+    for chosen, look in (("", {"strokeWidth": 5, "strokeOpacity": 0.3}), ("!", {"strokeWidth": 1.3})):
+        bars = base.transform_filter(f"{chosen}datum.filled").mark_rule(color=color, **look)
+        drawn += bars.encode(y="low:Q", y2="high:Q")
+    return drawn.properties(title={"text": engine, "color": color}, width=190, height=190)
 
 
 def _asked(subject: str) -> tuple[float, float]:
@@ -466,40 +495,3 @@ def _frictions(frame: pd.DataFrame) -> Ranges:
     for row in rows_of(frame[frame.metric == "friction.bias"]):
         found.setdefault(_asked(row.subject)[1], []).append(1 + row.value)
     return found
-
-
-def _draw_ranges(axes: Axes, found: Ranges, engine: str, profile: str, filled: bool, shift: float) -> None:
-    """Draw median and range of each list; filled markers a little to the left, hollow ones to the right."""
-    colour, places = color_of(engine), sorted(found)
-    x = np.array(places) + (-shift if filled else shift)
-    low, high = [min(found[place]) for place in places], [max(found[place]) for place in places]
-    middle = [float(np.median(found[place])) for place in places]
-    wide, pale = (5.0, 0.3) if filled else (1.3, 1.0)
-    axes.vlines(x, low, high, color=colour, linewidth=wide, alpha=pale, zorder=2)
-    face, edge = (colour, "white") if filled else ("white", colour)
-    (line,) = axes.plot(x, middle, "o", color=colour, label=profile, markersize=7, zorder=3)
-    line.set_markerfacecolor(face)
-    line.set_markeredgecolor(edge)
-
-
-def _frame_panels(axes: np.ndarray) -> None:
-    axes[0, 0].set_ylabel("restitution achieved", color=INK)
-    axes[1, 0].set_ylabel("friction achieved / asked", color=INK)
-    axes[1, 0].xaxis.set_major_locator(FixedLocator([0.0, 22.5, 45.0]))
-    axes[1, 0].xaxis.set_major_formatter(FuncFormatter(lambda heading, _: f"{heading:g}°"))
-    axes[1, 0].set_xlim(-7, 52)
-    axes[1, 0].set_ylim(min(0.45, axes[1, 0].get_ylim()[0]), max(1.5, axes[1, 0].get_ylim()[1]))
-    line = {"color": PALE, "linewidth": 0.8, "linestyle": (0, (4, 3)), "zorder": 1}
-    for one in axes[0]:
-        one.plot((0, 1), (0, 1), **line)
-        if one.lines[1:]:
-            one.legend(frameon=False, fontsize=9.5, loc="upper left", handletextpad=0.2, labelcolor=INK)
-        one.set_xlabel("restitution asked", color=INK)
-    for one in axes[1]:
-        one.axhline(1, **line)
-        one.set_xlabel("heading of the slide", color=INK)
-        for level, name in SIDES:
-            one.axhline(level, color="#dddddd", linewidth=0.8, zorder=1)
-            one.annotate(name, (-6, level), xytext=(0, 2), textcoords="offset points", fontsize=8, color=PALE)
-    for one in axes.flat:
-        open_axes(one, "y", 10.5)

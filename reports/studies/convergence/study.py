@@ -13,11 +13,9 @@ from math import nan
 from pathlib import Path
 from typing import Any, Literal
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
 from rich.text import Text
 
 from touchstone.adapters.registry import ACCURATE, ENGINES
@@ -33,15 +31,17 @@ from touchstone.reports.studies.agreement import require_truths, slope_of
 from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE
 from touchstone.reports.studies.study import kept
 from touchstone.reports.views.pictures import (
-    INK,
+    DASHES,
+    NOTHING,
     PALE,
+    Looks,
+    by,
     color_of,
-    figure,
-    logarithmic,
+    encoded,
+    grid,
+    log_axis,
     marker_of,
-    open_axes,
-    panels,
-    rows_for,
+    save,
 )
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
@@ -272,61 +272,37 @@ BOTTOM, TOP = 1e-11, 10.0
 """Errors beyond are drawn at these values, over the scene's size [1]: rounding; the motion is lost."""
 GUIDE = 0.3
 """Error at the coarsest step from which the lines of slopes 1 and 2 start [1]."""
-OWN: dict[str, Any] = {
-    "color": INK,
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 7,
-    "markerfacecolor": "white",
-    "markeredgewidth": 1.4,
-}
-GUIDES: dict[str, Any] = {"color": PALE, "linewidth": 0.7, "linestyle": (0, (4, 3))}
 
 
 def draw(frame: pd.DataFrame, path: Path) -> None:
-    """Draw errors over steps: hollow at the engine's own step, grey below EXACT."""
+    """Draw errors over steps: large at the engine's own step, grey below EXACT."""
     errors = frame[frame.metric == ERROR]
-    scenes = list(dict.fromkeys(errors.scenario))
-    with figure(path, 2.5 * ACROSS, 2.25 * rows_for(len(scenes), ACROSS) + 0.9, 8.5) as drawn:
-        grid = panels(drawn, len(scenes), ACROSS, sharex=True, sharey=True)
-        for axes, scenario in zip(grid, scenes):
-            _panel(axes, errors[errors.scenario == scenario], str(scenario))
-        for axes in grid[-ACROSS:]:
-            axes.set_xlabel("step [s]", color=INK)
-        lines = list(dict.fromkeys(zip(errors.engine, errors.profile)))
-        handles = [Line2D([], [], label=" ".join(line), markersize=4, **_look(*line)) for line in lines]
-        handles.append(Line2D([], [], label="slopes 1 and 2", **GUIDES))
-        handles.append(Line2D([], [], label="own step", **OWN))
-        drawn.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
-        drawn.supylabel("error over the scene's size", fontsize=10, color=INK)
+    lines = list(dict.fromkeys(zip(errors.engine, errors.profile)))
+    own = [dt == own_step(*line) for *line, dt in errors[["engine", "profile", "dt"]].to_numpy().tolist()]
+    names = errors.engine + " " + errors.profile
+    errors = errors.assign(line=names, own=own, drawn=errors.value.clip(BOTTOM, TOP))
+    colors, markers = ([look(engine) for engine, _ in lines] for look in (color_of, marker_of))
+    looks = encoded(colors, markers, list(map(" ".join, lines)), "line")
+    dashes = {" ".join(line): DASHES if line[1] == ACCURATE else [1, 0] for line in lines}
+    dash, scenes = by(alt.StrokeDash, "line", dashes, legend=None), list(dict.fromkeys(errors.scenario))
+    panels = [_panel(errors[errors.scenario == scene], str(scene), looks, dash) for scene in scenes]
+    note = f"large: own step; dashed: {ACCURATE}; thin lines: slopes 1 and 2; grey area: exact"
+    save(grid(panels, ACROSS), path, "Error over the step", note)
 
 
-def _panel(axes: Axes, part: pd.DataFrame, scenario: str) -> None:
-    logarithmic(axes, STEPS[::2], [1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0])
+def _panel(part: pd.DataFrame, scenario: str, looks: Looks, dash: Any) -> Any:
     low, high = STEPS[-1], STEPS[0]
-    for slope in (1, 2):
-        foot = GUIDE * (low / high) ** slope
-        axes.plot([low, high], [foot, GUIDE], zorder=1, **GUIDES)
-    for (engine, profile), mine in part.groupby(["engine", "profile"], sort=False):
-        line = mine.assign(drawn=mine.value.clip(BOTTOM, TOP)).sort_values("dt")
-        ladder, own = line[line.dt.isin(STEPS)], line[line.dt == own_step(str(engine), str(profile))]
-        look = _look(str(engine), str(profile))
-        axes.plot(ladder.dt, ladder.drawn, **look, markersize=3)
-        axes.plot(own.dt, own.drawn, **look, markersize=7, markerfacecolor="white", markeredgewidth=1.4)
-    axes.set_xlim(low / 1.3, high * 1.3)
-    axes.set_ylim(BOTTOM / 3, TOP * 3)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: step_text(value)))
-    open_axes(axes, labels=7)
-    axes.axhspan(BOTTOM / 3, EXACT, color="#f3f3f3", zorder=0)
-    axes.set_title(scenario, fontsize=9.5, color=INK, loc="left", fontweight="bold")
-
-
-def _look(engine: str, profile: str) -> dict[str, Any]:
-    """Colour, marker and line style of an engine; the reference's lines lie above the others."""
-    return {
-        "color": color_of(engine),
-        "marker": marker_of(engine),
-        "linewidth": 1.7 if engine == REFERENCE else 1.1,
-        "linestyle": "--" if engine == REFERENCE and profile == ACCURATE else "-",
-        "zorder": 4 if engine == REFERENCE else 3,
-    }
+    text = {"values": STEPS[::2], "labelExpr": "'1/' + round(1 / datum.value)"}
+    x = log_axis(alt.X, "dt", "step [s]", (low / 1.3, high * 1.3), **text)
+    y = log_axis(alt.Y, "drawn", "error over the scene's size", (BOTTOM / 3, TOP * 3))
+    feet = [(dt, GUIDE * (dt / high) ** slope, slope) for slope in (1, 2) for dt in (low, high)]
+    guides = pd.DataFrame(feet, columns=["dt", "drawn", "slope"])
+    ladder, own = alt.Chart(part[part.dt.isin(STEPS)]).encode(x=x, y=y), alt.Chart(part[part.own])
+    drawn = (
+        alt.Chart(NOTHING).mark_rect(color="#f3f3f3").encode(y=alt.datum(BOTTOM / 3), y2=alt.datum(EXACT))
+        + alt.Chart(guides).mark_line(color=PALE, strokeWidth=0.7).encode(x=x, y=y, detail="slope:N")
+        + ladder.mark_line(strokeWidth=1.1).encode(color=looks["color"], strokeDash=dash)
+        + ladder.mark_point(filled=True, size=9, opacity=1).encode(**looks)
+        + own.mark_point(size=45, fill="white", opacity=1).encode(x=x, y=y, **looks)
+    )
+    return drawn.properties(title=scenario, width=140, height=120)

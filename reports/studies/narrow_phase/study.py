@@ -14,9 +14,9 @@ from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array, Unsupported
@@ -30,16 +30,7 @@ from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered,
 from touchstone.reports.studies.narrow_phase.poses import FAMILIES, corners, draw, size_of
 from touchstone.reports.studies.study import RefusedError, failure_lines, kept, with_interval
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.pictures import (
-    INK,
-    MARKERS,
-    PALE,
-    detector_color,
-    figure,
-    headline,
-    logarithmic,
-    open_axes,
-)
+from touchstone.reports.views.pictures import DASHES, PALE, detector_looks, ends, log_axis, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.extents import extents
@@ -333,36 +324,28 @@ def work_precision(frame: pd.DataFrame, path: Path) -> None:
 
     A marker is the median, the thick bar reaches to the 95th percentile, the thin one to the largest error.
     """
-    whole = frame[(frame.scenario == ALL) & frame.value.notna()]
-    table = (
-        whole.drop_duplicates(["engine", "metric"]).set_index(["engine", "metric"]).value.unstack(sort=False)
-    )
+    whole = frame[(frame.scenario == ALL) & frame.value.notna()].drop_duplicates(["engine", "metric"])
+    table = whole.pivot(index="engine", columns="metric", values="value").reindex(whole.engine.unique())
     table = table.reindex(columns=["time.net", *ERRORS])
-    table = table[table["time.net"] > 0]
-    marks = dict.fromkeys(map(detector_color, table.index), 0)
-    with figure(path, 10.5, 6.8, font=10.5, dpi=160) as drawn:
-        axes = drawn.subplots()
-        times = np.outer(10.0 ** np.arange(-9, 0), (1, 2, 5)).ravel()
-        logarithmic(axes, times, 10.0 ** np.arange(-16, 5, 2))
-        for name, (time, median, p95, largest) in zip(table.index, table.clip(lower=ERROR_FLOOR).to_numpy()):
-            colour = detector_color(name)
-            axes.vlines(time, median, p95, color=colour, linewidth=4, alpha=0.4)
-            axes.vlines(time, median, largest, color=colour, linewidth=0.9)
-            marker = MARKERS[marks[colour] % len(MARKERS)]
-            marks[colour] += 1
-            axes.plot(time, median, marker, color=colour, markersize=9, markeredgecolor="white", label=name)
-        for level, name in LEVELS:
-            axes.axhline(level, color=PALE, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
-            where = axes.get_yaxis_transform()
-            axes.text(1, level, name, color=PALE, ha="right", va="bottom", transform=where)
-        axes.set_ylim(ERROR_FLOOR / 3, None)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{seconds * 1e6:g}"))
-        axes.set_xlabel("median time per query [µs], one thread, crossing from Python taken off", color=INK)
-        axes.set_ylabel("depth error over max(depth, size / 1000)", color=INK)
-        open_axes(axes, "y", 10.5)
-        drawn.legend(loc="outside lower left", ncols=4, frameon=False)
-        note = "marker: median    thick bar: to the 95th percentile    thin bar: to the largest"
-        headline(drawn, "Narrow phase: random and adversarial pairs of convex pieces", note)
+    table.columns = ["time", "median", "p95", "largest"]
+    table = table[table.time > 0].clip(lower=ERROR_FLOOR).assign(time=MICRO * table.time).reset_index()
+    text = "median time per query [µs], one thread, crossing from Python taken off"
+    ticks = np.outer(10.0 ** np.arange(-3, 6), (1, 2, 5)).ravel().tolist()
+    x = log_axis(alt.X, "time", text, ends(table.time, factor=1.5), values=ticks, grid=False)
+    errors = (ERROR_FLOOR / 3, max(10.0, table.largest.max()))
+    y = log_axis(alt.Y, "median", "depth error over max(depth, size / 1000)", errors)
+    marks = detector_looks(table.engine)
+    base = alt.Chart(table).encode(x=x, color=marks["color"])
+    levels = alt.Chart(pd.DataFrame(LEVELS, columns=["level", "name"])).encode(y="level:Q")
+    drawn = (
+        levels.mark_rule(color=PALE, strokeDash=DASHES)
+        + levels.mark_text(color=PALE, align="right", dy=-6).encode(x=alt.value(640), text="name:N")
+        + base.mark_rule(strokeWidth=4, strokeOpacity=0.4).encode(y="median:Q", y2="p95:Q")
+        + base.mark_rule().encode(y="median:Q", y2="largest:Q")
+        + base.mark_point(filled=True, size=80, opacity=1).encode(y=y, shape=marks["shape"])
+    ).properties(width=640, height=360)
+    note = "marker: median; thick bar: to the 95th percentile; thin bar: to the largest"
+    save(drawn, path, "Narrow phase: random and adversarial pairs of convex pieces", note)
 
 
 TRUTH = "minkowski"

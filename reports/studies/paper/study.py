@@ -10,12 +10,11 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 from rich.text import Text
 
 from touchstone.adapters.contract import AdapterError, Engine, Settings
@@ -39,7 +38,7 @@ from touchstone.reports.studies.paper.claims import (
     series_of,
 )
 from touchstone.reports.studies.study import failures, kept
-from touchstone.reports.views.pictures import INK, PALE, figure
+from touchstone.reports.views.pictures import INK, axis, by, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue
@@ -217,72 +216,51 @@ PANELS = (
 
 def draw_of(scenes: Scenes, kind: str, _: pd.DataFrame, path: Path) -> None:
     """Draw the frame time over two scenes with contact shaded and the work below, and shares per scene."""
-    with figure(path, 11, 7.8, font=9.5, kind=kind, dpi=160) as drawn:
-        curves, shares = np.asarray(drawn.subfigures(2, 1, height_ratios=(2.1, 1), hspace=0.03))
-        grid = np.asarray(curves.subplots(2, 2, sharex="col", height_ratios=(2.1, 1)))
-        for column, panel in enumerate(PANELS):
-            if panel.scene in scenes:
-                _draw_time(grid[0, column], scenes[panel.scene], panel)
-                _draw_work(grid[1, column], scenes[panel.scene], panel)
-        _draw_shares(shares.subplots(), scenes)
+    curves = [_curves(scenes[panel.scene], panel) for panel in PANELS if panel.scene in scenes]
+    save(alt.vconcat(alt.hconcat(*curves), _shares(scenes), spacing=24), path, kind=kind)
 
 
-def _draw_time(axes: Axes, series: Series, panel: Panel) -> None:
-    _frame(axes, series)
-    axes.plot(series.time, 1e6 * series.frame, color=LINE, linewidth=1.1)
-    top = 1.2e6 * float(series.frame.max())
-    axes.set_ylim(0, top)
-    axes.set_ylabel("frame time [µs]", color=INK)
-    axes.set_title(f"{panel.title} ({panel.scene})", loc="left", color=INK, fontsize=10.5, fontweight="bold")
-    if len(series.contacts) == len(panel.contacts):
-        for (first, end), name in zip(series.contacts, panel.contacts):
-            middle = float(series.time[first] + series.time[end - 1]) / 2
-            axes.text(middle, 0.985 * top, name, ha="center", va="top", color=INK, fontsize=9)
-
-
-def _draw_work(axes: Axes, series: Series, panel: Panel) -> None:
-    counts = series.counts[panel.counter]
-    _frame(axes, series)
-    axes.fill_between(series.time, counts, step="mid", color=WORK, alpha=0.3, linewidth=0)
-    axes.step(series.time, counts, where="mid", color=WORK, linewidth=1.1)
-    axes.set_ylim(0, 1.15 * max(1.0, float(counts.max())))
-    axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    axes.set_ylabel(panel.label, color=INK)
-    axes.set_xlabel("time in the scene [s]; shaded: contact", color=INK)
-
-
-def _frame(axes: Axes, series: Series) -> None:
-    """Shade contact, and remove what carries no information."""
+def _curves(series: Series, panel: Panel) -> Any:
     half = 0.5 / series.scenario.frame_rate
-    for first, end in series.contacts:
-        axes.axvspan(
-            series.time[first] - half, series.time[end - 1] + half, color=SHADE, linewidth=0, zorder=0
-        )
-    axes.set_xlim(0, float(series.time[-1]))
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(color=PALE, labelcolor=INK)
+    spans = [(series.time[first] - half, series.time[end - 1] + half) for first, end in series.contacts]
+    named = panel.contacts if len(spans) == len(panel.contacts) else [""] * len(spans)
+    rows = [(*span, sum(span) / 2, name) for span, name in zip(spans, named)]
+    shaded = alt.Chart(pd.DataFrame(rows, columns=["start", "end", "time", "name"]))
+    bands = shaded.mark_rect(color=SHADE).encode(x="start:Q", x2="end:Q")
+    names = shaded.mark_text(baseline="top", lineBreak="\n", color=INK)
+    counts, whole = series.counts[panel.counter], (0, series.time[-1])
+    base = alt.Chart(pd.DataFrame({"time": series.time, "frame": 1e6 * series.frame, "work": counts}))
+    time = bands + base.mark_line(color=LINE, strokeWidth=1.1).encode(
+        x=axis(alt.X, "time", None, whole, labels=False, grid=False),
+        y=axis(alt.Y, "frame", "frame time [µs]", (0, 1.2e6 * series.frame.max())),
+    )
+    time += names.encode(x="time:Q", y=alt.value(2), text="name:N")
+    edge = {"color": WORK, "strokeWidth": 1.1}
+    work = bands + base.mark_area(interpolate="step", color=WORK, opacity=0.3, line=edge).encode(
+        x=axis(alt.X, "time", "time in the scene [s]; shaded: contact", whole, grid=False, tickCount=8),
+        y=alt.Y("work:Q", axis=alt.Axis(title=panel.label.split("\n"), tickCount=4, tickMinStep=1)),
+    )
+    time = time.properties(title=f"{panel.title} ({panel.scene})", width=340, height=170)
+    return time & work.properties(width=340, height=80)
 
 
-def _draw_shares(axes: Axes, scenes: Scenes) -> None:
-    names = [f"{name}  {1e6 * series.frame.mean():.0f} µs" for name, series in scenes.items()]
-    left = np.zeros(len(names))
-    for stage, (label, colour, ink) in STAGES.items():
-        shares = np.array([100 * s.share(stage) if stage in s.stages else 0.0 for s in scenes.values()])
-        axes.barh(names, shares, left=left, color=colour, label=label, height=0.74, edgecolor="white")
-        for y, (start, share) in enumerate(zip(left, shares)):
-            if share >= LEAST_LABEL:
-                place = (start + share / 2, y)
-                axes.text(*place, f"{share:.0f}", ha="center", va="center_baseline", color=ink)
-        left += shares
-    axes.invert_yaxis()
-    axes.set_xlim(0, 100)
+def _shares(scenes: Scenes) -> Any:
+    rows = [
+        (f"{name}  {1e6 * series.frame.mean():.0f} µs", STAGES[stage][0], 100 * series.share(stage), order)
+        for name, series in scenes.items()
+        for order, stage in enumerate(STAGES)
+        if stage in series.stages
+    ]
+    table = pd.DataFrame(rows, columns=["scene", "stage", "share", "order"])
+    table["text"] = table["share"].map("{:.0f}".format).where(table["share"] >= LEAST_LABEL, "")
+    names, colors, inks = zip(*STAGES.values())
+    table["ink"] = table.stage.map(dict(zip(names, inks)))
+    x = axis(alt.X, "share", "share of the time of all frames [%]", (0, 100), grid=False).stack("zero")
+    y = alt.Y("scene:N", sort=None, title=None, axis=alt.Axis(ticks=False, domain=False))
+    base = alt.Chart(table).encode(x=x, y=y, order="order:Q")
+    bars = base.mark_bar(stroke="white").encode(color=by(alt.Color, "stage", dict(zip(names, colors))))
+    texts = base.mark_text().encode(
+        x=x.bandPosition(0.5), text="text:N", color=alt.Color("ink:N", scale=None)
+    )
     title = "Stages per scene, in the order of the mean frame (beside the names)"
-    axes.set_title(title, loc="left", pad=24, color=INK, fontsize=10.5, fontweight="bold")
-    axes.set_xlabel("share of the time of all frames [%]", color=INK)
-    axes.spines[["top", "right", "left"]].set_visible(False)
-    axes.tick_params(axis="y", length=0, labelcolor=INK)
-    axes.tick_params(axis="x", color=PALE, labelcolor=INK)
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(-0.01, 0.98), ncols=len(STAGES), frameon=False, labelcolor=INK,
-        columnspacing=1.5, handlelength=1.2,
-    )  # fmt: skip
+    return (bars + texts).properties(title=title, width=600, height=alt.Step(20))

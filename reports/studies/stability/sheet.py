@@ -6,13 +6,14 @@ The pictures do not tell the classes: `sheet.csv` does, by number, with the comm
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
@@ -26,7 +27,7 @@ from touchstone.reports.results import write_beside
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.studies.stability.play import KEPT, Played, file_of, play_all, recordings_in
 from touchstone.reports.verdict.figures import rotations
-from touchstone.reports.views.pictures import INK, figure
+from touchstone.reports.views.pictures import INK, NOTHING, axis, by, grid, log_axis, save
 from touchstone.scenarios.difficulty.family import hard_scene
 from touchstone.scenarios.scenario import Scenario
 
@@ -78,8 +79,11 @@ MOMENTS = ("start", "middle", "end")
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Colours of bodies, in turn (Okabe and Ito)."""
 FIXED = "#D9D9D9"
-FLOOR = 1e-12
-"""Least value on a logarithmic axis."""
+QUANTITIES = {"speed [m/s]": "#0072B2", "turn [rad/s]": "#009E73", "overlap [m]": "#D55E00"}
+FLOOR, LEAST = 1e-12, 1e-10
+"""Least value of a series, and the lower end of its axis."""
+MOMENT = 90
+"""Side of the picture of a moment [point]."""
 MOST_WINDOW = 12.0
 """Width of a window that holds all of the motion, over that of the bodies at the start, at most [1]."""
 TINY = 1e-12
@@ -88,23 +92,18 @@ TINY = 1e-12
 
 def sheet_picture(shown: Sequence[tuple[str, Scenario, Recording | None]], path: Path) -> None:
     """Draw runs by their title in rows of ACROSS: three moments above, overlap and speed over time below."""
-    rows = -(-len(shown) // ACROSS)
-    height = 2.4 * rows + 0.5
-    margins = {"left": 0.02, "right": 0.995, "top": 1 - 0.25 / height, "bottom": 0.22 / height}
-    with figure(path, 4.2 * ACROSS, height, font=6, dpi=110, layout=None) as sheet:
-        grid = sheet.add_gridspec(rows, ACROSS, **margins, wspace=0.12, hspace=0.28)
-        for k, (title, scenario, recording) in enumerate(shown):
-            inner = grid[k // ACROSS, k % ACROSS].subgridspec(2, 3, height_ratios=(2.2, 1), wspace=0.05)
-            panels = [sheet.add_subplot(inner[0, j]) for j in range(3)]
-            panels[0].set_title(title, loc="left", fontsize=7.5, color=INK, fontweight="bold")
-            if recording is None:
-                panels[0].text(0.1, 0.5, "no recording", transform=panels[0].transAxes)
-                continue
-            _moments(panels, scenario, recording)
-            _series(sheet.add_subplot(inner[1, :]), Context(recording, scenario))
+    cells = []
+    for title, scenario, recording in shown:
+        if recording is None:
+            cell = alt.Chart(NOTHING).mark_text().encode(text=alt.value("no recording"))
+        else:
+            moments = alt.hconcat(*_moments(scenario, recording), spacing=5)
+            cell = alt.vconcat(moments, _series(Context(recording, scenario)), spacing=5)
+        cells.append(cell.properties(title=title))
+    save(grid(cells, ACROSS), path, size=6)
 
 
-def _moments(panels: Sequence[Axes], scenario: Scenario, run: Recording) -> None:
+def _moments(scenario: Scenario, run: Recording) -> list[Any]:
     """Draw the bodies in the plane of z and the axis along which they move more.
 
     The window holds all of the motion; where it is too wide for that, each follows the bodies at its moment.
@@ -121,47 +120,73 @@ def _moments(panels: Sequence[Axes], scenario: Scenario, run: Recording) -> None
     ways = np.ptp(path, axis=0)
     plane = [0 if ways[0] >= ways[1] else 1, 2]
     follows = ways.max() > MOST_WINDOW * size
-    for axes, frame, moment, shape in zip(panels, frames, MOMENTS, seen):
-        for k, body in enumerate(scenario.bodies):
-            color = FIXED if body.kind == "fixed" else COLORS[k % len(COLORS)]
-            for piece in _pieces(scenario, run, k, frame):
-                _fill(axes, piece[:, plane], color, body.kind == "fixed")
+    panels = []
+    for frame, moment, shape in zip(frames, MOMENTS, seen):
         held = shape if follows and len(shape) else path
-        middle = (held.min(axis=0) + held.max(axis=0))[plane] / 2
+        x, z = (held.min(axis=0) + held.max(axis=0))[plane] / 2
         extent = float(np.ptp(held, axis=0)[plane].max())
         half = 0.6 * max(min(extent, MOST_WINDOW * size), 2 * size if follows else 0.0, TINY)
-        axes.set_xlim(middle[0] - half, middle[0] + half)
-        axes.set_ylim(middle[1] - half, middle[1] + half)
-        axes.set_aspect("equal")
-        axes.set_xticks([])
-        axes.set_yticks([])
-        text = f"{moment}, {run.time[frame]:.3g} s"
-        if moment == "end":
-            text += f" of {scenario.duration:.3g} s"
-        axes.text(0.03, 0.03, text, transform=axes.transAxes, color="#555555")
-        width = f"{2 * half:.2g} m wide"
+        below = f"{moment}, {run.time[frame]:.3g} s" + f" of {scenario.duration:.3g} s" * (moment == "end")
+        above = [f"{2 * half:.2g} m wide"]
         if follows and len(shape):
-            x, z = (shape.mean(axis=0) - seen[0].mean(axis=0))[plane]
-            width += f"\nat {x:+.2g}, {z:+.2g} m"
-        axes.text(0.97, 0.97, width, transform=axes.transAxes, ha="right", va="top", color="#555555")
+            above.append("at {:+.2g}, {:+.2g} m".format(*(shape.mean(axis=0) - seen[0].mean(axis=0))[plane]))
+        sides = ((alt.X, "x", (x - half, x + half)), (alt.Y, "z", (z - half, z + half)))
+        across, up = (axis(*side[:2], None, side[2], labels=False, ticks=False, grid=False) for side in sides)
+        hue, opacity = alt.Fill("color:N", scale=None), alt.FillOpacity("opacity:Q", scale=None)
+        borders = alt.Chart(_borders(scenario, run, frame, plane))
+        drawn = borders.mark_line(clip=True, interpolate="linear-closed", stroke=INK, strokeWidth=0.4).encode(
+            x=across, y=up, detail="piece:N", order="corner:Q", fill=hue, fillOpacity=opacity
+        )
+        for text, place, look in (
+            (below, (3, MOMENT - 3), {"align": "left", "baseline": "bottom"}),
+            (above, (MOMENT - 3, 3), {"align": "right", "baseline": "top"}),
+        ):
+            words = alt.Chart(NOTHING).mark_text(color=INK, fontSize=6, text=text, **look)
+            drawn += words.encode(x=alt.value(place[0]), y=alt.value(place[1]))
+        panels.append(drawn.properties(width=MOMENT, height=MOMENT))
+    return panels
+
+
+def _borders(scenario: Scenario, run: Recording, frame: int, plane: Sequence[int]) -> pd.DataFrame:
+    """Corners of the convex hull of every projected piece, in turn."""
+    rows = []
+    for k, body in enumerate(scenario.bodies):
+        fixed = body.kind == "fixed"
+        for j, piece in enumerate(_pieces(scenario, run, k, frame)):
+            points = piece[:, plane]
+            if not np.isfinite(points).all() or np.abs(points).max() > 1e9:
+                continue
+            with suppress(QhullError):
+                points = points[ConvexHull(points).vertices]
+            look = (f"{k} {j}", FIXED if fixed else COLORS[k % len(COLORS)], 1.0 if fixed else 0.55)
+            rows += [(*look, corner, *point) for corner, point in enumerate(points.tolist())]
+    return pd.DataFrame(rows, columns=["piece", "color", "opacity", "corner", "x", "z"])
+
+
+def _series(context: Context) -> Any:
+    """Draw the deepest overlap, the largest speed and the largest rate of rotation over time."""
+    run = context.recording
+    moving = [k for k, kind in enumerate(context.kind) if kind != "fixed"]
+    with np.errstate(all="ignore"):
+        lines = {
+            "speed [m/s]": np.linalg.norm(run.linear_velocity[:, moving], axis=2).max(axis=1),
+            "turn [rad/s]": np.linalg.norm(run.angular_velocity[:, moving], axis=2).max(axis=1),
+        }
+        usable = np.isfinite(run.position).all() and rotations(context)
+        if usable and next(context.scenario.touching_pairs(), None) is not None:
+            lines["overlap [m]"] = context.distances.overlap()
+    table = pd.DataFrame({"time": run.time} | lines).melt("time", var_name="quantity")
+    table["value"] = table.value.where(np.isfinite(table.value)).clip(FLOOR, 1e15)
+    x = axis(alt.X, "time", None, (0, run.time[-1]), grid=False)
+    y = log_axis(alt.Y, "value", None, (LEAST, max(1.0, float(table.value.max()))))
+    drawn = alt.Chart(table).mark_line(strokeWidth=0.9)
+    drawn = drawn.encode(x=x, y=y, color=by(alt.Color, "quantity", QUANTITIES))
+    return drawn.properties(width=3 * MOMENT + 10, height=MOMENT / 2)
 
 
 def _moving(scenario: Scenario, run: Recording, moving: Sequence[int], frame: int) -> list[Array]:
     """World points on the surfaces of moving bodies in a frame [m]."""
     return [run.position[frame, moving], *(p for k in moving for p in _pieces(scenario, run, k, frame))]
-
-
-def _fill(axes: Axes, points: Array, color: str, fixed: bool) -> None:
-    """Fill the convex hull of projected points."""
-    if not np.isfinite(points).all() or np.abs(points).max() > 1e9:
-        return
-    try:
-        border = points[ConvexHull(points).vertices]
-    except QhullError:
-        border = points
-    axes.add_patch(
-        Polygon(border, facecolor=color, edgecolor=INK, linewidth=0.4, alpha=1.0 if fixed else 0.55)
-    )
 
 
 def _pieces(scenario: Scenario, run: Recording, body: int, frame: int) -> list[Array]:
@@ -171,26 +196,3 @@ def _pieces(scenario: Scenario, run: Recording, body: int, frame: int) -> list[A
     turned = Rotation.from_quat(turn, scalar_first=True) if usable else Rotation.identity()
     corners = (piece_mesh(piece)[0] for piece in scenario.bodies[body].pieces)
     return [turned.apply(own) + run.position[frame, body] for own in corners]
-
-
-def _series(axes: Axes, context: Context) -> None:
-    """Draw the deepest overlap, the largest speed and the largest rate of rotation over time."""
-    run = context.recording
-    moving = [k for k, kind in enumerate(context.kind) if kind != "fixed"]
-    with np.errstate(all="ignore"):
-        lines = {
-            "speed [m/s]": (np.linalg.norm(run.linear_velocity[:, moving], axis=2).max(axis=1), "#0072B2"),
-            "turn [rad/s]": (np.linalg.norm(run.angular_velocity[:, moving], axis=2).max(axis=1), "#009E73"),
-        }
-        usable = np.isfinite(run.position).all() and rotations(context)
-        if usable and next(context.scenario.touching_pairs(), None) is not None:
-            lines["overlap [m]"] = (context.distances.overlap(), "#D55E00")
-    for name, (values, color) in lines.items():
-        kept = np.where(np.isfinite(values), np.clip(values, FLOOR, 1e15), np.nan)
-        axes.semilogy(run.time, kept, color=color, linewidth=0.9, label=name)
-    axes.set_ylim(bottom=1e-10)
-    axes.tick_params(length=1.5, labelsize=5, colors="#555555")
-    axes.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 0.92), fontsize=5, frameon=False, ncols=3, borderpad=0.1
-    )
-    axes.spines[["top", "right"]].set_visible(False)

@@ -8,16 +8,16 @@ keeps the recordings of failed runs in `output/failed/`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import nan
 from pathlib import Path
+from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.patches import Patch, Rectangle
 
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
@@ -28,7 +28,7 @@ from touchstone.reports.studies.stability.play import OUTCOME, Played, Scope, le
 from touchstone.reports.studies.stability.sheet import write_sheets
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SILENT, SURVIVED
-from touchstone.reports.views.pictures import INK, PALE, figure
+from touchstone.reports.views.pictures import INK, PALE, by, save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.difficulty.family import Family, hard_names, level_text
 
@@ -241,85 +241,63 @@ LOOKS: dict[str, tuple[str, str]] = {
 """Colour and letter of each class; empty: not played."""
 DARK = ("non-finite", "auto-reset", "exploded", "tunnelled", "error", "gave up", "sink-through")
 """Classes whose letters are white."""
-CELL = 1.0
-RIGHT = 22.0
-"""Width of the text on the right [cells]."""
-LABEL = 4.9
-"""Width of a column's heading [cells]."""
-GAP = 0.9
-"""Width of a cell, and of the space between columns [cells]."""
+SQUARE = 13
+"""Side of a cell [point]."""
+Sided = tuple[Sequence[str] | None, Any]
+"""Order of the values along a side of a map, and its axis."""
 
 
 def envelope_picture(found: Envelope, path: Path) -> None:
     """Draw one row per family and one block of levels per column, easy levels at the left."""
-    columns, rows = list(found.shown.items()), found.scope.families
-    block = max(*(len(levels_of(family, found.scope.quick)) * CELL for family in rows), LABEL) + GAP
-    size = (0.17 * (10.0 + RIGHT + block * len(columns)), 1.7 + 0.2 * len(rows))
-    with figure(path, *size, font=8, layout=None) as drawn:
-        axes = drawn.add_axes((0.0, 0.0, 1.0, 1.0))
-        left, top = -0.5, -2.6
-        for y, family in enumerate(rows):
-            levels = levels_of(family, found.scope.quick)
-            name = family.name.replace("_", " ") + (" =" if family.posed else "")
-            axes.text(left, y + 0.5, name, ha="right", va="center", color=INK)
-            text = f"{family.quantity}, {level_text(levels[0])} to {level_text(levels[-1])}"
-            text += "" if family.unit == "1" else f" {family.unit}"
-            axes.text(block * len(columns), y + 0.5, text, va="center", color="#777777", fontsize=7)
-            for k, (column, _) in enumerate(columns):
-                for j, level in enumerate(levels):
-                    _square(axes, block * k + CELL * j, y, found.outcome(family, level, column))
-        for k, ((engine, _), head) in enumerate(columns):
-            text = "\n".join((engine, *head.split(" ")))
-            axes.text(block * k, -0.35, text, va="bottom", color=INK)
-        title = "How far each engine goes before it fails"
-        axes.text(-9.5, top - 0.3, title, va="bottom", color=INK, fontsize=12, fontweight="bold")
-        axes.set_xlim(-10.0, block * len(columns) + RIGHT)
-        axes.set_ylim(len(rows) + 3.4, top - 1.6)
-        axes.axis("off")
-        axes.legend(
-            handles=_handles(found), loc="lower left", ncols=5, frameon=False, fontsize=7.5,
-            bbox_to_anchor=(0.02, 0.0), handlelength=1.2, columnspacing=1.4,
-        )  # fmt: skip
+    families = found.scope.families
+    names = {family: family.name.replace("_", " ") + " =" * family.posed for family in families}
+    panels: list[Any] = []
+    for column, head in found.shown.items():
+        cells = [
+            (k, names[family], found.outcome(family, level, column))
+            for family in families
+            for k, level in enumerate(levels_of(family, found.scope.quick))
+        ]
+        y = alt.Axis(ticks=False, domain=False) if not panels else None
+        panels.append(_squares(cells, (list(names.values()), y), (None, None), [column[0], *head.split(" ")]))
+    texts = []
+    for family, name in names.items():
+        levels, unit = levels_of(family, found.scope.quick), "" if family.unit == "1" else f" {family.unit}"
+        texts.append((name, f"{family.quantity}, {level_text(levels[0])} to {level_text(levels[-1])}{unit}"))
+    right = alt.Chart(pd.DataFrame(texts, columns=["y", "text"])).mark_text(align="left", color=PALE)
+    right = right.encode(y=alt.Y("y:N", sort=list(names.values()), axis=None), x=alt.value(0), text="text:N")
+    panels.append(right.properties(width=150, height=alt.Step(SQUARE)))
+    save(alt.hconcat(*panels, spacing=10), path, "How far each engine goes before it fails", size=8)
 
 
 def step_picture(found: Envelope, family: Family, path: Path) -> None:
     """Draw the map of one family: difficulty from left to right, steps from the smallest up."""
-    columns, levels = found.columns, levels_of(family, found.scope.quick)
-    steps = sorted({cell.dt for cell in found.played})
-    with figure(path, 1.2 + 1.55 * len(columns), 3.0, font=8) as drawn:
-        grid = drawn.subplots(1, len(columns), squeeze=False, sharey=True)[0]
-        for axes, column in zip(grid, columns):
-            for y, dt in enumerate(steps):
-                for x, level in enumerate(levels):
-                    _square(axes, x, y, found.outcome(family, level, column, dt))
-            axes.set_title("\n".join(column), fontsize=8, color=INK, loc="left")
-            axes.set_xlim(-0.1, len(levels) + 0.1)
-            axes.set_ylim(-0.1, len(steps) + 0.1)
-            axes.set_xticks(
-                [x + 0.5 for x in range(len(levels))], [level_text(x) for x in levels], rotation=60
-            )
-            axes.set_yticks([y + 0.5 for y in range(len(steps))], [f"1/{round(1 / dt)} s" for dt in steps])
-            axes.tick_params(length=0, labelsize=7, colors=INK)
-            for side in axes.spines.values():
-                side.set_color(PALE)
-        unit = "" if family.unit == "1" else f" [{family.unit}]"
-        drawn.supxlabel(f"{family.quantity}{unit}", fontsize=8, color=INK)
-        title = f"{family.name.replace('_', ' ')}: {family.summary}"
-        drawn.suptitle(title, fontsize=9, color=INK, x=0.01, ha="left")
+    levels = {level: level_text(level) for level in levels_of(family, found.scope.quick)}
+    steps = {dt: f"1/{round(1 / dt)} s" for dt in sorted({cell.dt for cell in found.played}, reverse=True)}
+    unit = "" if family.unit == "1" else f" [{family.unit}]"
+    across = (list(levels.values()), alt.Axis(ticks=False, title=f"{family.quantity}{unit}", labelAngle=-60))
+    panels: list[Any] = []
+    for column in found.columns:
+        cells = [(levels[x], steps[y], found.outcome(family, x, column, y)) for x in levels for y in steps]
+        left = alt.Axis(ticks=False) if not panels else None
+        panels.append(_squares(cells, (list(steps.values()), left), across, list(column)))
+    save(alt.hconcat(*panels, spacing=10), path, family.name.replace("_", " "), family.summary, size=8)
 
 
-def _square(axes: Axes, x: float, y: float, name: str) -> None:
-    color, letter = LOOKS[name]
-    axes.add_patch(Rectangle((x + 0.05, y + 0.08), 0.9, 0.84, facecolor=color, edgecolor="none"))
-    if letter:
-        ink = "white" if name in DARK else INK
-        axes.text(x + 0.5, y + 0.5, letter, ha="center", va="center", fontsize=6.5, color=ink)
-
-
-def _handles(found: Envelope) -> list[Patch]:
-    seen = {one.outcome.name for one in found.played.values()}
-    looks = [(name, *LOOKS[name]) for name in reversed(HARD_CLASSES) if name in seen]
-    return [Patch(color=color, label=f"{letter} {name}".strip()) for name, color, letter in looks]
+def _squares(cells: Sequence[tuple[object, str, str]], y: Sided, x: Sided, title: list[str]) -> Any:
+    """A square per cell (x, y, class) in the colour and with the letter of its class."""
+    table = pd.DataFrame(cells, columns=["x", "y", "class"])
+    table["letter"] = [LOOKS[name][1] for name in table["class"]]
+    table["ink"] = ["white" if name in DARK else INK for name in table["class"]]
+    heads = {name: f"{LOOKS[name][1]} {name}".strip() for name in reversed(HARD_CLASSES)}
+    table["class"] = table["class"].map(heads)
+    legend = alt.Legend(columns=5, symbolType="square")
+    color = by(alt.Color, "class", {heads[name]: LOOKS[name][0] for name in heads}, legend=legend)
+    rows = alt.Y("y:N", sort=y[0], axis=y[1], title=None)
+    base = alt.Chart(table).encode(x=alt.X("x:O", sort=x[0], axis=x[1]), y=rows)
+    drawn = base.mark_rect(stroke="white").encode(color=color)
+    drawn += base.mark_text(fontSize=7).encode(text="letter:N", color=alt.Color("ink:N", scale=None))
+    return drawn.properties(title=title, width=alt.Step(SQUARE), height=alt.Step(SQUARE))
 
 
 NOTES = (

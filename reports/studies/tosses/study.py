@@ -14,11 +14,11 @@ from math import ceil, nan
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 from time import monotonic
+from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import ArrayLike
 
 from touchstone.adapters.contract import Settings
@@ -50,7 +50,20 @@ from touchstone.reports.studies.tosses.playing import (
     play,
 )
 from touchstone.reports.views.matrix import GOOD, WARN
-from touchstone.reports.views.pictures import INK, PALE, color_of, figure, headline, open_axes
+from touchstone.reports.views.pictures import (
+    DASHES,
+    DOTS,
+    INK,
+    NOTHING,
+    PALE,
+    axis,
+    by,
+    color_of,
+    grid,
+    log_axis,
+    rule,
+    save,
+)
 from touchstone.reports.views.render import Part, markdown
 from touchstone.reports.views.tables import number
 
@@ -60,6 +73,7 @@ PANELS = (
 )
 """Metric, label and factor of a panel."""
 BAND = "#d9e6f2"
+FLOOR_NAME, START_NAME = "best e and mu of each toss", "reference, start off by its error"
 OWN = ", start within its error"
 """Ending of the profile under which an engine is compared with itself from another start."""
 BARS = 0.015
@@ -69,46 +83,37 @@ BARS = 0.015
 def errors_picture(frame: pd.DataFrame, path: Path) -> None:
     """Draw medians over the judged tosses, quartiles at rest; the floor; what an error of the start makes of
     the reference; and the noise of tracking."""
-    with figure(path, 12, 5.2, 11) as drawn:
-        for axes, (metric, label, factor) in zip(drawn.subplots(1, 2), PANELS):
-            _panel(axes, frame[frame.metric == metric], factor)
-            axes.set_ylabel(label, color=INK)
-            axes.set_xlabel("time after the first impact [s]", color=INK)
-        note = "median over tosses that identified neither e nor mu; bars: quartiles at rest"
-        headline(drawn, "Measured tosses: how far each engine is from what happened", note)
-        drawn.legend(
-            *drawn.axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=6, frameon=False
-        )
+    panels = [_panel(frame[frame.metric == metric], label, factor) for metric, label, factor in PANELS]
+    note = "median over tosses that identified neither e nor mu; bars: quartiles at rest; blue: tracking"
+    save(grid(panels, 2), path, "Measured tosses: how far each engine is from what happened", note, size=10)
 
 
-def _panel(axes: Axes, rows: pd.DataFrame, factor: float) -> None:
-    noise = factor * float(rows[rows.engine == "tracking"].value.iloc[0])
-    axes.axhspan(noise / 3, noise, color=BAND, zorder=0, label="noise of tracking")
-    drawn = 0
-    for names, part in rows[rows.subject != ""].groupby(["engine", "profile"], sort=False):
-        engine, profile = map(str, names)
-        time = part.subject.str.removesuffix(" s").astype(float).to_numpy()
-        low, value, high = (factor * part[name].to_numpy(dtype=float) for name in ("low", "value", "high"))
-        if engine == "floor":
-            axes.plot(time, value, "--", color=INK, linewidth=2, label="best e and mu of each toss")
-        elif profile.endswith(OWN):
-            if engine == "reference":
-                label = "reference, start off by its error"
-                axes.plot(time, value, ":", color=PALE, linewidth=2, label=label)
-        else:
-            axes.plot(time, value, color=color_of(engine), linewidth=2.4, zorder=3, label=engine)
-            drawn += 1
-            x = 1 + BARS * drawn
-            axes.plot(
-                (x, x), (low[-1], high[-1]), color=color_of(engine), transform=axes.get_yaxis_transform(),
-                linewidth=4, alpha=0.4, solid_capstyle="butt", clip_on=False,
-            )  # fmt: skip
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
-    axes.set_xlim(time[0], time[-1])
-    axes.set_ylim(noise / 3, None)
-    axes.axvline(0, color=PALE, linewidth=0.8)
-    open_axes(axes, "y", 10)
+def _panel(rows: pd.DataFrame, label: str, factor: float) -> Any:
+    rows = rows.assign(**{name: factor * rows[name] for name in ("low", "value", "high")})
+    noise = float(rows[rows.engine == "tracking"].value.iloc[0])
+    engines = [name for name in dict.fromkeys(rows.engine) if name in ENGINES]
+    heads = {(name, False): name for name in engines}
+    heads |= {("floor", False): FLOOR_NAME, ("reference", True): START_NAME}
+    own = rows.profile.str.endswith(OWN)
+    rows = rows.assign(engine=[heads.get(one, "") for one in zip(rows.engine, own)])
+    lines = rows[(rows.subject != "") & (rows.engine != "")]
+    lines = lines.assign(time=lines.subject.str.removesuffix(" s").astype(float))
+    last = float(lines.time.max())
+    bars = lines[(lines.time == last) & lines.engine.isin(engines)]
+    bars = bars.assign(time=[last * (1 + BARS * k) for k in range(1, len(bars) + 1)])
+    colors = {name: color_of(name) for name in engines} | {FLOOR_NAME: INK, START_NAME: PALE}
+    dashes = {name: [1, 0] for name in engines} | {FLOOR_NAME: DASHES, START_NAME: DOTS}
+    color, dash = by(alt.Color, "engine", colors), by(alt.StrokeDash, "engine", dashes)
+    span = (float(lines.time.min()), last * (1 + BARS * (len(bars) + 1)))
+    x = axis(alt.X, "time", "time after the first impact [s]", span, grid=False, tickCount=6)
+    y = log_axis(alt.Y, "value", label, (noise / 3, float(lines.high.max())))
+    spread = alt.Chart(bars).mark_rule(strokeWidth=4, strokeOpacity=0.4)
+    drawn = (
+        alt.Chart(NOTHING).mark_rect(color=BAND).encode(y=alt.datum(noise / 3), y2=alt.datum(noise))
+        + alt.Chart(lines).mark_line(strokeWidth=2.2).encode(x=x, y=y, color=color, strokeDash=dash)
+        + spread.encode(x=x, y="low:Q", y2="high:Q", color=color)
+    )
+    return (drawn + rule([], x=0)).properties(width=340, height=250)
 
 
 STUDY, TOSSES, PICTURE = "reality tosses", "tosses", "tosses.png"

@@ -10,10 +10,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import altair as alt
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.output_folder import output_folder
@@ -37,18 +36,7 @@ from touchstone.reports.studies.work_precision.definitions import (
 )
 from touchstone.reports.studies.work_precision.errors import BAND
 from touchstone.reports.studies.work_precision.points import fronts, ladder, points, timing_cell
-from touchstone.reports.views.pictures import (
-    INK,
-    PALE,
-    color_of,
-    engines_legend,
-    figure,
-    logarithmic,
-    marker_of,
-    open_axes,
-    panels,
-    rows_for,
-)
+from touchstone.reports.views.pictures import NOTHING, PALE, ends, grid, log_axis, looks, rule, save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import catalogue
 
@@ -262,7 +250,7 @@ def _log(ratio: float) -> float:
 ACROSS = 3
 """Panels side by side."""
 APART = "truth not converged"
-POINT: dict[str, Any] = {"linestyle": "none", "markersize": 3.0, "markeredgewidth": 0, "alpha": 0.35}
+PANEL = {"width": 200, "height": 150}
 LEGEND = "line: front over an engine's settings; faint: the others; bar: rounds of timing; dotted: tolerance"
 
 
@@ -283,47 +271,43 @@ def picture_of(table: pd.DataFrame, quantity: str, kind: str, path: Path) -> Non
     mine = table[table.quantity == quantity]
     known = set(mine.scenario)
     scenes = [one for one in dict.fromkeys(table.scenario) if one in known or _apart(table, one, quantity)]
+    panels = [_panel(mine[mine.scenario == scene], scene, quantity) for scene in scenes]
     unit = QUANTITIES[quantity].unit
-    size = (0.4 + 3.4 * min(len(scenes), ACROSS), 0.8 + 2.6 * rows_for(len(scenes), ACROSS))
-    with figure(path, *size, font=10, kind=kind, style={"svg.fonttype": "none"}) as drawn:
-        for axes, scene in zip(panels(drawn, len(scenes), min(len(scenes), ACROSS)), scenes):
-            _panel(axes, mine[mine.scenario == scene], quantity)
-            axes.set_title(scene, fontsize=11, color=INK, fontweight="bold", loc="left")
-        drawn.supxlabel("wall time per simulated second [s]", color=INK, fontsize=10)
-        drawn.supylabel(f"error: {quantity}{'' if unit == '1' else f' [{unit}]'}", color=INK, fontsize=10)
-        drawn.suptitle(LEGEND, color=PALE, fontsize=9, x=0.99, ha="right")
-        engines_legend(drawn, dict.fromkeys(mine.engine))
+    title = f"Error: {quantity}{'' if unit == '1' else f' [{unit}]'}"
+    save(grid(panels, ACROSS), path, title, LEGEND, kind)
+
+
+def _panel(part: pd.DataFrame, scene: str, quantity: str) -> Any:
+    if part.empty:
+        return (
+            alt.Chart(NOTHING, title=scene)
+            .mark_text(color=PALE)
+            .encode(text=alt.value(APART))
+            .properties(**PANEL)
+        )
+    floor = QUANTITIES[quantity].floor
+    part = part.assign(drawn=part.error.clip(lower=floor))
+    low, high = part.drawn.min(), part.drawn.max()
+    x = log_axis(alt.X, "time", "wall time per simulated second [s]", ends(part.time_low, part.time_high))
+    y = log_axis(alt.Y, "drawn", "error", (max(low, floor) / 3, max(high * 3, low * 30)))
+    marks = looks(dict.fromkeys(part.engine))
+    every = alt.Chart(part).encode(x=x, y=y, color=marks["color"])
+    front = every.transform_filter("datum.own_front")
+    # the band: from the least to the largest of the rounds
+    drawn = (
+        rule(y=QUANTITIES[quantity].tolerance)
+        + every.mark_point(filled=True, size=9, fillOpacity=0.35).encode(shape=marks["shape"])
+        + front.mark_line(interpolate="step-after", strokeWidth=1.6)
+        + front.mark_rule(strokeWidth=2.5, strokeOpacity=0.3).encode(x="time_low:Q", x2="time_high:Q")
+        + front.mark_point(filled=True, size=25, fillOpacity=1).encode(shape=marks["shape"])
+    )
+    width = part.truth_width.iloc[0]
+    band = part.truth.iloc[0] == BAND and width > 0
+    note = f"truth: a band of {number(width, part.unit.iloc[0])}" if band else ""
+    return drawn.properties(title={"text": scene, "subtitle": note}, **PANEL)
 
 
 def _apart(table: pd.DataFrame, scene: str, quantity: str) -> bool:
     """Whether a quantity of a scene has no truth because the codes converge to different motions."""
     mine = table[(table.scenario == scene) & (table.quantity == quantity)]
     return mine.empty and quantity in ("position", "events") and scene in table.attrs.get("bands", {})
-
-
-def _panel(axes: Axes, part: pd.DataFrame, quantity: str) -> None:
-    logarithmic(axes)
-    open_axes(axes, labels=9)
-    if part.empty:
-        axes.set_axis_off()
-        axes.text(0.5, 0.5, APART, transform=axes.transAxes, ha="center", color=PALE)
-        return
-    floor = QUANTITIES[quantity].floor
-    part = part.assign(drawn=part.error.clip(lower=floor))
-    for engine, mine in part.groupby("engine", sort=False):
-        front = mine[mine.own_front].sort_values("time")
-        color, mark = color_of(str(engine)), marker_of(str(engine))
-        axes.plot(mine.time, mine.drawn, marker=mark, color=color, zorder=2, **POINT)
-        axes.step(front.time, front.drawn, where="post", color=color, linewidth=1.6, zorder=3)
-        axes.plot(front.time, front.drawn, mark, color=color, markersize=5, zorder=4)
-        # the band: from the least to the largest of the rounds
-        axes.hlines(front.drawn, front.time_low, front.time_high, color=color, linewidth=2.5, alpha=0.3)
-    low, high = part.drawn.min(), part.drawn.max()
-    axes.set_ylim(max(low, floor) / 3, max(high * 3, low * 30))
-    axes.axhline(QUANTITIES[quantity].tolerance, linewidth=0.8, zorder=0, color=PALE, linestyle=(0, (1, 2)))
-    axes.yaxis.set_major_locator(LogLocator(numticks=6))
-    width = part.truth_width.iloc[0]
-    if part.truth.iloc[0] == BAND and width > 0:
-        text = f"truth: a band of {number(width, part.unit.iloc[0])}"
-        where: dict[str, Any] = {"transform": axes.transAxes, "ha": "right", "va": "bottom"}
-        axes.text(1.0, 1.02, text, fontsize=8.5, color=PALE, **where)

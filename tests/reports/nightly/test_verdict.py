@@ -178,7 +178,6 @@ def test_findings_are_readable_and_the_worst_is_first(nights):
 @pytest.mark.parametrize("count", [1, 2, 4, 5])
 def test_few_nights_are_numbers(store, nights, count):
     """Times of fewer than five nights are a table, of more a chart; of one there is nothing to compare."""
-    pytest.importorskip("altair")
     for number in range(count):
         store.add(nights.frame(1e-4 * (1 + number)), nights.facts(number))
     found = store.nights()

@@ -258,7 +258,6 @@ def test_long_tables_are_folded(many):
 @pytest.mark.parametrize(("scenes", "drawn"), [(2, False), (3, True)])
 def test_a_chart_has_enough_points(many, scenes, drawn):
     """Of two scenes the matrix says it all."""
-    pytest.importorskip("altair")
     kept = many.frame[many.frame.scenario.isin([f"scene_{k}" for k in range(scenes)])]
     assert ('<figure class="chart">' in page(replace(many, frame=kept))) == drawn
 
@@ -280,7 +279,6 @@ def courses(*pairs: str) -> dict[tuple[str, str], Course]:
 def test_a_chart_has_the_heaviest_pairs_and_the_truth() -> None:
     """A panel per pair, a line per engine, a dashed rule per window; heaps and scenes without have none."""
     scene = catalogue()["platform_lift"]
-    pytest.importorskip("vl_convert")
     svg = force_chart(scene, courses("a", "b", "c", "platform-load"))
     assert [f">{pair}<" in svg for pair in ("a", "b", "c", "platform-load")] == [False, True, True, True]
     assert svg.count("stroke-dasharray") == len(scene.forces)
@@ -292,7 +290,6 @@ def test_a_chart_has_the_heaviest_pairs_and_the_truth() -> None:
 
 def test_a_page_has_charts_within_its_budget(made, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first scenes that fit have a chart, in the part of their scene."""
-    pytest.importorskip("vl_convert")
     scenes = {name: (catalogue()[name], courses("a")) for name in ("stack", "slide", "fall")}
     found = force_charts(scenes)
     assert list(found) == list(scenes)
