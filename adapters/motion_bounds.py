@@ -1,13 +1,14 @@
 """Conservative bounds on the motion of a scenario's bodies, by kinematics and by energy.
 
-Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION of their tracker's path, unless
-another person comes near, or they start deep in fixed pieces; links of a chain stay in a ball about the
-chain's root. A simulated body without contacts flies in closed form. A body with contacts is bounded by
-energy: impacts and friction remove energy, and gravity adds speed at most at rate g to each group of bodies
-that can exchange it. Four kinds of bodies are unbounded: those that a driven or prescribed body or a moving
-surface can touch, driven bodies that these can push, mechanisms with springs or motors, and those that are
-not balls and touch others with both restitution and friction, because Eqs. 8 and 10 as printed add energy at
-every impact. A run checks the bounds: `Plan.broken`.
+Fixed pieces do not move. Links of a driven body stay within LARGEST_DEVIATION and their coupling's
+overshoot of their tracker's path, unless another person comes near, or they start deep in fixed pieces;
+links of a chain stay in a ball about the chain's root. A simulated body without contacts flies in closed
+form. A body with contacts is bounded by energy: impacts and friction remove energy, and gravity adds speed
+at most at rate g to each group of bodies that can exchange it. Four kinds of bodies are unbounded: those
+that a driven or prescribed body or a moving surface can touch, driven bodies that these can push,
+mechanisms with springs or motors, and those that are not balls and touch others with both restitution and
+friction, because Eqs. 8 and 10 as printed add energy at every impact. A run checks the bounds:
+`Plan.broken`.
 """
 
 from __future__ import annotations
@@ -133,9 +134,21 @@ def _follow(scenario: Scenario, reach: Array, low: Array, high: Array) -> Array:
         own[np.ix_(links, links)] = (
             between[np.ix_(which, which)] - around[:, None] - around - POSTURE - stride
         )
-        spread = (LARGEST_DEVIATION + stride + arm)[:, None]
+        passing = stride * scenario.frame_rate * _overshoot(scenario, tracker)
+        spread = (LARGEST_DEVIATION + passing + stride + arm)[:, None]
         low[links], high[links] = way.min(axis=1)[which] - spread, way.max(axis=1)[which] + spread
     return np.maximum(own, 0.0)
+
+
+def _overshoot(scenario: Scenario, tracker: Tracker) -> float:
+    """Largest deviation of a free driver over the speed of its tracker at which it has none [s]: what an
+    obstacle held, and lets go, passes its tracker (Eq. 6, underdamped or critically damped)."""
+    if scenario.prescribes(tracker):
+        return 0.0
+    mass = sum(scenario.bodies[k].mass for k in scenario.links(tracker))
+    rate = float(np.sqrt(tracker.stiffness / mass))
+    damped = min(tracker.damping / (2 * mass * rate), 1.0 - 1e-9)
+    return float(np.exp(-damped * np.arccos(damped) / np.sqrt(1 - damped**2))) / rate
 
 
 def _start(scenario: Scenario, world: _World, low: Array, high: Array) -> None:

@@ -67,10 +67,12 @@ def energy_injected(context: Context) -> Values:
     Subject `simulated`: only simulated bodies; W is the work of the impulses that driven bodies exert on
     them, J . (v- + v+) / 2 with the velocity of the simulated body at the contact. Subject `driven`, where
     driven bodies exert some: the same with the velocity of the driven body, as in `energy.drive`, so that a
-    contact must not give more than its driver. Subject `all`, in scenes with driven bodies: every body; W is
-    the work of the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
-    Prescribed bodies and those whose surface moves count as driven ones. U includes the springs of joints
-    between bodies; not measured where such a joint drives its bodies: its work is not known.
+    contact must not give more than its driver; what that loses along the normals of its contacts with bodies
+    that are not simulated counts as given, for of impacts at one time their sum alone is passive. Subject
+    `all`, in scenes with driven bodies: every body; W is the work of the coupling springs and hinge servos;
+    not measured where an engine poses its hinges itself. Prescribed bodies and those whose surface moves
+    count as driven ones. U includes the springs of joints between bodies; not measured where such a joint
+    drives its bodies: its work is not known.
     """
     if reason := driving(context.scenario):
         raise NotMeasured(reason)
@@ -199,18 +201,24 @@ def _work_of_driven_contacts(context: Context, at: Literal["simulated", "driven"
     """Work of driven bodies on simulated ones by the end of each frame (f,) [J], at the surface of one."""
     rows, kind = context.recording.contacts, np.array(context.kind)
     work = np.zeros(len(context.recording.time))
+    along = context.impulses[0][:, None] * rows["normal"]
     for free, driven in ("ab", "ba"):
-        chosen = (kind[rows[f"body_{free}"]] == "simulated") & context.drives[rows[f"body_{driven}"]]
-        side, sign = (driven, 1.0) if at == "driven" else (free, -1.0)
-        work += sign * _contact_work(context, side, chosen)
+        drives, simulated = context.drives[rows[f"body_{driven}"]], kind[rows[f"body_{free}"]] == "simulated"
+        if at == "driven":
+            work += _contact_work(context, driven, drives & simulated)
+            work += _contact_work(context, driven, drives & ~simulated, along)
+        else:
+            work -= _contact_work(context, free, drives & simulated)
     return work
 
 
-def _contact_work(context: Context, side: str, chosen: Mask) -> Array:
-    """Work (f,) [J] that the surfaces of A or B do on the other body in the chosen contact rows."""
+def _contact_work(context: Context, side: str, chosen: Mask, impulses: Array | None = None) -> Array:
+    """Work (f,) [J] that the surfaces of A or B do on the other body in the chosen contact rows, by these
+    impulses (n, 3) on B; None: all."""
     rows = context.recording.contacts
     mean = (rows[f"velocity_{side}_before"] + rows[f"velocity_{side}_after"]) / 2
-    done = np.einsum("ij,ij->i", rows["impulse"], mean) * np.where(chosen, 1.0 if side == "a" else -1.0, 0.0)
+    done = np.einsum("ij,ij->i", rows["impulse"] if impulses is None else impulses, mean)
+    done *= np.where(chosen, 1.0 if side == "a" else -1.0, 0.0)
     by_frame = np.bincount(context.contact_frame + 1, weights=done, minlength=len(context.recording.time))
     return np.cumsum(by_frame)
 
