@@ -395,7 +395,7 @@ def _beyond_work(context: Context, u: float) -> float:
     if context.recording.facts["engine"] != "reference" or not (context.drives.any() and context.simulated):
         return nan
     u += sum(np.abs(work).max() for work in drive_work(context).values())
-    found = energy_rise(context)
+    found = energy_rise(context, rigid=True)
     rise = float(found.get("driven", found["simulated"]).max()) - _unconverged_work(context)
     return max(0.0, rise) / u
 

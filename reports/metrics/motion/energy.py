@@ -67,12 +67,10 @@ def energy_injected(context: Context) -> Values:
     Subject `simulated`: only simulated bodies; W is the work of the impulses that driven bodies exert on
     them, J . (v- + v+) / 2 with the velocity of the simulated body at the contact. Subject `driven`, where
     driven bodies exert some: the same with the velocity of the driven body, as in `energy.drive`, so that a
-    contact must not give more than its driver; what that loses along the normals of its contacts with bodies
-    that are not simulated counts as given, for of impacts at one time their sum alone is passive. Subject
-    `all`, in scenes with driven bodies: every body; W is the work of the coupling springs and hinge servos;
-    not measured where an engine poses its hinges itself. Prescribed bodies and those whose surface moves
-    count as driven ones. U includes the springs of joints between bodies; not measured where such a joint
-    drives its bodies: its work is not known.
+    contact must not give more than its driver. Subject `all`, in scenes with driven bodies: every body; W is
+    the work of the coupling springs and hinge servos; not measured where an engine poses its hinges itself.
+    Prescribed bodies and those whose surface moves count as driven ones. U includes the springs of joints
+    between bodies; not measured where such a joint drives its bodies: its work is not known.
     """
     if reason := driving(context.scenario):
         raise NotMeasured(reason)
@@ -84,8 +82,13 @@ def energy_injected(context: Context) -> Values:
     return found
 
 
-def energy_rise(context: Context) -> dict[str, Array]:
-    """Rise of S above its running minimum, per subject of `energy.injected` and per frame (f,) [J]."""
+def energy_rise(context: Context, rigid: bool = False) -> dict[str, Array]:
+    """Rise of S above its running minimum, per subject of `energy.injected` and per frame (f,) [J].
+
+    Args:
+        rigid: impacts are instants, and of those at one time the sum alone is passive: what drivers lose
+            along the normals of their contacts with bodies that are not simulated counts as work, too.
+    """
     found: dict[str, Array] = {}
     work = context.recording.driver_work
     if context.scenario.trackers and not np.isnan(work).any():
@@ -97,6 +100,7 @@ def energy_rise(context: Context) -> dict[str, Array]:
         found["simulated"] = _rise(energy - _work_of_driven_contacts(context), stores)
         given = _work_of_driven_contacts(context, "driven")
         if given.any():
+            given += _normal_losses(context) if rigid else 0.0
             found["driven"] = _rise(energy - given, stores)
     return found
 
@@ -201,14 +205,22 @@ def _work_of_driven_contacts(context: Context, at: Literal["simulated", "driven"
     """Work of driven bodies on simulated ones by the end of each frame (f,) [J], at the surface of one."""
     rows, kind = context.recording.contacts, np.array(context.kind)
     work = np.zeros(len(context.recording.time))
-    along = context.impulses[0][:, None] * rows["normal"]
     for free, driven in ("ab", "ba"):
-        drives, simulated = context.drives[rows[f"body_{driven}"]], kind[rows[f"body_{free}"]] == "simulated"
-        if at == "driven":
-            work += _contact_work(context, driven, drives & simulated)
-            work += _contact_work(context, driven, drives & ~simulated, along)
-        else:
-            work -= _contact_work(context, free, drives & simulated)
+        chosen = (kind[rows[f"body_{free}"]] == "simulated") & context.drives[rows[f"body_{driven}"]]
+        side, sign = (driven, 1.0) if at == "driven" else (free, -1.0)
+        work += sign * _contact_work(context, side, chosen)
+    return work
+
+
+def _normal_losses(context: Context) -> Array:
+    """Work of driven bodies along the normals of their contacts with bodies that are not simulated, by the
+    end of each frame (f,) [J]."""
+    rows, simulated = context.recording.contacts, np.array(context.kind) == "simulated"
+    along = context.impulses[0][:, None] * rows["normal"]
+    work = np.zeros(len(context.recording.time))
+    for other, driven in ("ab", "ba"):
+        chosen = context.drives[rows[f"body_{driven}"]] & ~simulated[rows[f"body_{other}"]]
+        work += _contact_work(context, driven, chosen, along)
     return work
 
 
