@@ -83,8 +83,8 @@ from touchstone.reference_impl.solver.tolerances import NEWTON_WORK, RESIDUAL_OP
 DENSE_CALM = 4
 """Events of a crowded frame from which the next one is crowded from its start."""
 UNPAID_ATTEMPTS, UNPAID_SHARE = 8, 0.25
-"""Most repetitions of a substep whose separation adds energy that no motion pays, and the share of its length
-that each takes [1]."""
+"""Most repetitions of a substep, and the share of its length that each takes whose separation adds energy
+that no motion pays [1]."""
 ELAPSED_SHARE = 0.99
 """Share of a repeated substep that has to elapse before an event for its forces to count as those of its
 end."""
