@@ -127,7 +127,7 @@ def test_an_unsupported_shape_is_a_failure_of_its_query() -> None:
 
 
 def test_an_exception_is_a_failure_of_its_query() -> None:
-    """Tell what was thrown, when a query is built and when it is asked."""
+    """Report the exception, whether a query is built or asked."""
 
     def build(pair: Pair) -> Query:
         match pair[1].shape:

@@ -58,7 +58,7 @@ def test_times_are_net_of_the_crossing() -> None:
     ],
 )
 def test_outcomes_in_words(reported: dict[str, object], word: str) -> None:
-    """Tell what is identical from what is within tolerance, and both from what matters."""
+    """Distinguish identical outcomes, those within tolerance, and those that differ."""
     rows = effects.rows_of_variants(BASE, {"": variant(1e-6), "-gravity": variant(1e-6, **reported)})
     moved = by_metric(rows)["effects.moved", "-gravity"]
     assert effects.outcome(moved) == word

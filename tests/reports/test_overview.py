@@ -150,7 +150,7 @@ def test_each_reason_is_told_once():
 
 
 def test_ratios_are_told_in_one_line():
-    """Judged time ratios count as limits and are told by their range; the others are not."""
+    """Judged time ratios count as limits and are printed with their range; the others are not."""
     found = seen(
         *(
             row(scene, 0, "ratio.time", value, subject="dart recommended", verdict="pass", limit=1.0)

@@ -184,13 +184,13 @@ EXPECTATION = [
 
 @pytest.mark.parametrize(("change", "path", "message"), TOP)
 def test_faults_of_the_scene(change: dict, path: str, message: str) -> None:
-    """Tell what is wrong with the scene as a whole."""
+    """Report what is wrong with the scene as a whole."""
     assert message in faults_of(sound() | change)[path]
 
 
 @pytest.mark.parametrize(("index", "change", "path", "message"), BODY)
 def test_faults_of_a_body(index: int, change: dict, path: str, message: str) -> None:
-    """Tell what is wrong with a body."""
+    """Report what is wrong with a body."""
     fields = sound()
     bodies = list(fields["bodies"])
     bodies[index] = replace(bodies[index], **change)
@@ -199,7 +199,7 @@ def test_faults_of_a_body(index: int, change: dict, path: str, message: str) -> 
 
 @pytest.mark.parametrize(("shape", "field", "message"), SHAPE)
 def test_faults_of_a_shape(shape, field: str, message: str) -> None:
-    """Tell what is wrong with a shape."""
+    """Report what is wrong with a shape."""
     fields = sound()
     ground = replace(fields["bodies"][0], pieces=(Piece("slab", shape),))
     path = "bodies[0].pieces[0].shape" + (f".{field}" if field else "")
@@ -220,7 +220,7 @@ def test_faults_of_a_shape(shape, field: str, message: str) -> None:
     ],
 )
 def test_faults_of_the_rest(field: str, change: dict, path: str, message: str) -> None:
-    """Tell what is wrong with a joint, a tracker, a pair of materials, an expectation."""
+    """Report what is wrong with a joint, a tracker, a pair of materials, an expectation."""
     fields = sound()
     first, *others = fields[field]
     assert message in faults_of(fields | {field: (replace(first, **change), *others)})[path]

@@ -14,7 +14,7 @@ from touchstone.scenarios.body_joints import is_limited, mechanisms, spanning_tr
 from touchstone.scenarios.scenario import IDENTITY, ORIGIN, UNBOUNDED, BodyJoint, Scenario
 
 ROUNDING = 1e-9
-"""Excess of an echo over 1 that is rounding [1]."""
+"""Excess of a gain over 1 that is rounding [1]."""
 
 
 class Joined(NamedTuple):
@@ -107,7 +107,7 @@ def couple_joints(scenario: Scenario, joined: Joined) -> None:
     joints lead to; the masses of all bodies are set.
 
     One joint follows the other a step later. A change of that one's rate comes back to it with the factor
-    `echo`, or with its inverse if the other follows: that which dies away is chosen.
+    `gain`, or with its inverse if the other follows: that which dies away is chosen.
 
     Raises:
         Unsupported: a joint with a motor follows, or one follows two.
@@ -121,8 +121,8 @@ def couple_joints(scenario: Scenario, joined: Joined) -> None:
         names, ratio = (joint.name, joint.mimics), joint.ratio
         b, a = (made[name].getIndexInSkeleton(0) for name in names)
         w = made[joint.name].getSkeleton().getInvMassMatrix()
-        echo = ratio * (w[b, a] - ratio * w[a, a]) / (w[b, b] - ratio * w[b, a])
-        if abs(echo) > 1 + ROUNDING:
+        gain = ratio * (w[b, a] - ratio * w[a, a]) / (w[b, b] - ratio * w[b, a])
+        if abs(gain) > 1 + ROUNDING:
             names, ratio = names[::-1], 1 / ratio
         follower, reference = (made[name] for name in names)
         if names[0] in driven:

@@ -39,7 +39,7 @@ def hand_over(monkeypatch):
 
 
 def test_lost_samples_are_refused_or_held(touchstone, added, registry, hand_over, tmp_path, left):
-    """Refuse a tracker's sample that is no number, with its path; under `--hold-last` tell how many."""
+    """Refuse a tracker's sample that is no number, with its path; under `--hold-last` report how many."""
     recording, good = registry.played("ball_snip", "reference"), catalogue()["ball_snip"]
     glove = good.trackers[0]
 
