@@ -91,4 +91,4 @@ def _set_moving(bodies, joints, driver, moves):
         link = bodies[link_of(joints, driver, k)]
         link["moves"] = moves
         # links outside the loop stand still within a frame
-        link["curve"][:] = 0.0
+        link["curve"][:] = link["curve_turn"][:] = 0.0

@@ -135,9 +135,9 @@ def coast(bodies, joints, driver, h, lead, dt):
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
         for i in range(3):
-            curve = 2 / h * link["curve"][i] if lead == 1 else 0.0
-            link["lead_velocity"][i] = link["velocity"][i] + curve
-        copy_vector(link["omega"], link["lead_omega"])
+            share = 2 / h if lead == 1 else 0.0
+            link["lead_velocity"][i] = link["velocity"][i] + share * link["curve"][i]
+            link["lead_omega"][i] = link["omega"][i] + share * link["curve_turn"][i]
     exchange_rates(joints, driver)
     v[0], v[1], v[2], w[0], w[1], w[2] = x, y, z, p, q, r
     move_links(bodies, joints, driver)
@@ -207,8 +207,8 @@ def keep_in_limits(joints, driver, h, dt):
 
 @kernel
 def note_curves(bodies, joints, driver, h, dt):
-    """Store how far the links' ways over a substep of length h curve: `curve`, at the impulses of the law of
-    velocities. Links turn about hinges, and rows know their velocities at the start alone."""
+    """Store how far the ways and turns of links over a substep of length h curve (`curve`, `curve_turn`), at
+    the impulses of the law of velocities. Links turn about hinges; rows know the velocities of the start."""
     if driver["mechanism"] == 1:
         return
     exchange_pushes(joints, driver)
@@ -217,6 +217,7 @@ def note_curves(bodies, joints, driver, h, dt):
     pose_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
+        rotation_between(link["old_orientation"], link["orientation"], link["curve_turn"])
         for i in range(3):
             link["curve"][i] = link["center"][i] - link["old_center"][i]
     _cover_way(joints, driver, 1.0, h)
@@ -226,6 +227,7 @@ def note_curves(bodies, joints, driver, h, dt):
         link = bodies[link_of(joints, driver, k)]
         for i in range(3):
             link["curve"][i] -= h * link["velocity"][i]
+            link["curve_turn"][i] -= h * link["omega"][i]
 
 
 @kernel
@@ -242,7 +244,7 @@ def note_paths(bodies, joints, driver, h, dt):
         link = bodies[link_of(joints, driver, k)]
         for i in range(3):
             link["path_velocity"][i] = link["velocity"][i] + 2 / h * link["curve"][i]
-        copy_vector(link["omega"], link["path_omega"])
+            link["path_omega"][i] = link["omega"][i] + 2 / h * link["curve_turn"][i]
         link["led"] = driver["leads"]
 
 

@@ -78,6 +78,7 @@ BODY = record(
     end_velocity=VECTOR,  # of a mechanism's body: velocities at the end of its substep
     end_omega=VECTOR,  # scratch of `end_correction` for others
     curve=VECTOR,  # of a link: way of its centre over the substep beyond its mean velocity's [m]
+    curve_turn=VECTOR,  # the same of its rotation vector [rad]
     shown_center=VECTOR,  # of a link, at the start of a frame
     shown_orientation=QUATERNION,
     # motion over a substep (`swept_motion`)
