@@ -217,9 +217,11 @@ def note_curves(bodies, joints, driver, h, dt):
     pose_links(bodies, joints, driver)
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
-        rotation_between(link["old_orientation"], link["orientation"], link["curve_turn"])
         for i in range(3):
             link["curve"][i] = link["center"][i] - link["old_center"][i]
+        # the root, the last one, turns as its driver
+        if k < driver["joint_count"]:
+            rotation_between(link["old_orientation"], link["orientation"], link["curve_turn"])
     _cover_way(joints, driver, 1.0, h)
     pose_links(bodies, joints, driver)
     move_links(bodies, joints, driver)
@@ -227,7 +229,8 @@ def note_curves(bodies, joints, driver, h, dt):
         link = bodies[link_of(joints, driver, k)]
         for i in range(3):
             link["curve"][i] -= h * link["velocity"][i]
-            link["curve_turn"][i] -= h * link["omega"][i]
+            if k < driver["joint_count"]:
+                link["curve_turn"][i] -= h * link["omega"][i]
 
 
 @kernel
