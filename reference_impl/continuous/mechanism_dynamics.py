@@ -19,7 +19,6 @@ from touchstone.reference_impl.core.conventions import (
     JOINT_FREE,
     JOINT_HINGE,
     JOINT_SLIDER,
-    LOOP_ROWS,
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import conjugate_by, cross, dot, plus, rotate, times, vector_of
@@ -395,7 +394,7 @@ def _set_loops(bodies, joints, driver):
         joint = joints[k]
         point = plus(child_point(bodies, joint), -1.0, o)
         for c in range(6):
-            if driver["loop_rows"] == LOOP_ROWS or not loop_rates(bodies, joint, c, u):
+            if not loop_rates(bodies, joint, c, u):
                 continue
             for i in range(count):
                 x[i] = 0.0

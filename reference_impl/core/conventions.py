@@ -121,8 +121,6 @@ JOINT_HINGE, JOINT_SLIDER, JOINT_BALL, JOINT_FIXED, JOINT_FREE = 0, 1, 2, 3, 4
 """Types of joints between bodies; a free one joins the first body of a mechanism to the world."""
 UNBOUNDED = 1e30
 """Force or limit of a joint that it never reaches [N, N m, m or rad]."""
-LOOP_ROWS = 48
-"""Most constraints by which joints close loops of a mechanism."""
 PART_WHOLE, PART_ROOT = -2, -1
 """Parts of a driver: all of it, or the links in no chain; its chains count from 0."""
 MOVER_BODY, MOVER_DRIVER, MOVER_TRUNK = 0, 1, 2

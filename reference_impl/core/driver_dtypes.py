@@ -4,7 +4,6 @@ from touchstone.reference_impl.core.conventions import (
     CHAIN_JOINTS,
     CONFIGURATION,
     HINGE_CAPACITY,
-    LOOP_ROWS,
     POSTURE_CONSTRAINTS,
 )
 from touchstone.reference_impl.core.dtypes import MATRIX, QUATERNION, VECTOR, record
@@ -231,14 +230,14 @@ DRIVER = record(
     has_path="i8",  # 1: the law of positions was solved
     path_gains=("f8", (HINGE_CAPACITY,)),
     force=("f8", (HINGE_CAPACITY,)),  # scratch: generalised forces
-    loop_rows="i8",  # independent constraints of its couplings and loops
+    loop_rows="i8",  # independent constraints of its couplings and loops: as many as rates, or fewer
     loop_basis=(
         "f8",
-        (LOOP_ROWS, HINGE_CAPACITY),
+        (HINGE_CAPACITY, HINGE_CAPACITY),
     ),  # their orthonormal directions, in coordinates of unit mass
-    loop_factor=("f8", (LOOP_ROWS, LOOP_ROWS)),
-    loop_row=("i8", (LOOP_ROWS,)),  # which constraint each is
-    loop_error=("f8", (LOOP_ROWS,)),
+    loop_factor=("f8", (HINGE_CAPACITY, HINGE_CAPACITY)),
+    loop_row=("i8", (HINGE_CAPACITY,)),  # which constraint each is
+    loop_error=("f8", (HINGE_CAPACITY,)),
     loop_direction=("f8", (6,)),
     slopes=("f8", (7, CONFIGURATION + HINGE_CAPACITY + 1)),  # of Runge and Kutta, and power as in `work`
     stage_start=("f8", (CONFIGURATION + HINGE_CAPACITY + 1,)),

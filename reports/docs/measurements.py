@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from PIL import Image
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.mujoco.still import View, still
@@ -132,8 +133,6 @@ SHOTS = {
 
 def draw(scenarios: Iterable[Scenario], folder: Path) -> Iterator[str]:
     """Play each scene up to its shot and draw it into `folder`; yields the names of the scenes."""
-    from PIL import Image
-
     for scenario in scenarios:
         shot = SHOTS.get(scenario.name, Shot(scenario.duration / 2))
         picture = Image.fromarray(_picture(scenario, shot))

@@ -65,9 +65,6 @@ def with_mechanisms(
         _set_coordinates(rows[: len(free) + len(own)], driver, bodies, first, number)
         driver["loop_count"], driver["mimic_count"] = len(closing), (rows["mimics"] >= 0).sum()
         driver["constrained"] = driver["loop_count"] + driver["mimic_count"] > 0
-        if driver["mimic_count"] > conventions.LOOP_ROWS:
-            most = conventions.LOOP_ROWS
-            raise Unsupported(f"reference: more than {most} couplings of joints in one mechanism")
         for joint in own + closing:
             if joint.parent:
                 _set_beside(bodies, index[joint.child], index[joint.parent], joint.child)
