@@ -81,7 +81,7 @@ def save(chart: Any, path: Path, title: str = "", note: str = "", kind: str = "p
     else:
         drawn = Image.open(BytesIO(vl_convert.vegalite_to_png(found, ppi=RESOLUTION)))
         # a fifth of the size of a file with 8 bits a channel
-        drawn.convert("RGB").quantize(PALETTE, Image.Quantize.FASTOCTREE).save(path)
+        drawn.convert("RGB").quantize(PALETTE, Image.Quantize.FASTOCTREE).save(path, "png")
 
 
 def looks(engines: Iterable[str]) -> Looks:
