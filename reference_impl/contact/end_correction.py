@@ -177,10 +177,8 @@ def _in_world(body, v, place):
 def _correct(a, b, pair, found, h, state, last):
     """Correct a row by the pair `found` at the end of the substep; returns its error [m]."""
     n, m, middle = pair["start_normal"], found["normal"], pair["normal"]
-    cos = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
-    if cos <= 0:
+    if n[0] * m[0] + n[1] * m[1] + n[2] * m[2] <= 0:
         return 0.0
-    size = sqrt(2 + 2 * cos)
     ux, uy, uz = _end_velocity(b, found)
     vx, vy, vz = _end_velocity(a, found)
     ux, uy, uz = ux - vx, uy - vy, uz - vz
@@ -193,11 +191,9 @@ def _correct(a, b, pair, found, h, state, last):
         pair["slides"], error = 1, max(error, 2 * END_ERROR)
     if last or error <= END_ERROR:
         return error
-    for i in range(3):
-        middle[i] = (n[i] + m[i]) / size
-        end = (found["point_a"][i] + found["point_b"][i]) / 2
-        pair["lever_a"][i] = (pair["point"][i] + end + a["old_center"][i] - a["center"][i]) / 2
-        pair["lever_b"][i] = (pair["point"][i] + end + b["old_center"][i] - b["center"][i]) / 2
+    # under a coupling both laws differ by more than the change of a force
+    followed = state["led_loop"] == 0 and _is_free(a) and _is_free(b)
+    _set_geometry(a, b, pair, found, followed)
     x, y, z = _velocity_on(b, b["velocity"], b["omega"], pair["lever_b"])
     vx, vy, vz = _velocity_on(a, a["velocity"], a["omega"], pair["lever_a"])
     along = closing - (middle[0] * ux + middle[1] * uy + middle[2] * uz)
@@ -205,12 +201,67 @@ def _correct(a, b, pair, found, h, state, last):
     bias[0] = ux - (x - vx) + along * middle[0]
     bias[1] = uy - (y - vy) + along * middle[1]
     bias[2] = uz - (z - vz) + along * middle[2]
-    # the part of the gap's change that a mean velocity at the middle does not give
-    x, y, z = _mean_velocity(b, pair["lever_b"])
-    vx, vy, vz = _mean_velocity(a, pair["lever_a"])
-    way = middle[0] * (x - vx) + middle[1] * (y - vy) + middle[2] * (z - vz)
+    x, y, z = _mean_slip(a, b, pair)
+    n = pair["path_normal"]
+    # the part of the gap's change that the mean velocity does not give
+    way = n[0] * x + n[1] * y + n[2] * z
     pair["gap_error"] = found["distance"] - pair["distance"] - h * way
+    ux, uy, uz = _mean_velocity(b, pair["path_lever_b"])
+    vx, vy, vz = _mean_velocity(a, pair["path_lever_a"])
+    bias = pair["path_bias"]
+    bias[0], bias[1], bias[2] = 2 * (x - ux + vx), 2 * (y - uy + vy), 2 * (z - uz + vz)
     return error
+
+
+@kernel
+def _is_free(body):
+    """Whether neither a driver nor a joint moves a body."""
+    return body["kind"] != SIMULATED or body["driver"] < 0
+
+
+@kernel
+def _set_geometry(a, b, pair, found, followed):
+    """Set normal and levers of a row to their means over the substep and, if it is `followed`, `path_*` to
+    those by which a force moves its body: weighted by the time left. Between start and end both follow
+    parabolas along the prediction at the start, or straight lines."""
+    n, m, p = pair["start_normal"], found["normal"], pair["predicted_normal"]
+    known = False
+    for i in range(3):
+        if pair["corrected"] == 0:
+            p[i] = pair["normal"][i]
+            pair["predicted_a"][i], pair["predicted_b"][i] = pair["lever_a"][i], pair["lever_b"][i]
+        start = pair["point"][i]
+        known = known or pair["predicted_a"][i] != start or pair["predicted_b"][i] != start or p[i] != n[i]
+    known, size, far = known and followed, 0.0, 0.0
+    pair["corrected"] = 1
+    for i in range(3):
+        start, end = pair["point"][i], (found["point_a"][i] + found["point_b"][i]) / 2
+        to_a, to_b = end + a["old_center"][i] - a["center"][i], end + b["old_center"][i] - b["center"][i]
+        on_a, on_b, between = pair["predicted_a"][i], pair["predicted_b"][i], p[i]
+        if not known:
+            on_a, on_b, between = (start + to_a) / 2, (start + to_b) / 2, (n[i] + m[i]) / 2
+        pair["lever_a"][i], pair["lever_b"][i] = (start + on_a + to_a) / 3, (start + on_b + to_b) / 3
+        pair["path_lever_a"][i] = start / 2 + on_a / 3 + to_a / 6 if followed else pair["lever_a"][i]
+        pair["path_lever_b"][i] = start / 2 + on_b / 3 + to_b / 6 if followed else pair["lever_b"][i]
+        pair["normal"][i] = n[i] + between + m[i]
+        pair["path_normal"][i] = 3 * n[i] + 2 * between + m[i] if followed else 2 * pair["normal"][i]
+        size, far = size + pair["normal"][i] ** 2, far + pair["path_normal"][i] ** 2
+    for i in range(3):
+        # over the length of the mean, whose direction is `normal`
+        pair["normal_way"][i] = 3 * (2 * pair["normal"][i] - pair["path_normal"][i]) / sqrt(size)
+        pair["normal"][i] /= sqrt(size)
+        pair["path_normal"][i] /= sqrt(far)
+
+
+@kernel
+def exchange_geometry(pair):
+    """Exchange the normal and levers of a corrected row with those for the way of its bodies."""
+    if pair["corrected"] == 0:
+        return
+    for i in range(3):
+        pair["normal"][i], pair["path_normal"][i] = pair["path_normal"][i], pair["normal"][i]
+        pair["lever_a"][i], pair["path_lever_a"][i] = pair["path_lever_a"][i], pair["lever_a"][i]
+        pair["lever_b"][i], pair["path_lever_b"][i] = pair["path_lever_b"][i], pair["lever_b"][i]
 
 
 @kernel
@@ -238,9 +289,7 @@ def _keeps_sliding(pair, x, y, z):
 def friction_work(bodies, pair):
     """Work of a row's friction on its bodies over a substep [J]."""
     n, p = pair["normal"], pair["resting_impulse"]
-    x, y, z = _mean_velocity(bodies[pair["body_b"]], pair["lever_b"])
-    u, v, w = _mean_velocity(bodies[pair["body_a"]], pair["lever_a"])
-    x, y, z = x - u, y - v, z - w
+    x, y, z = _mean_slip(bodies[pair["body_a"]], bodies[pair["body_b"]], pair)
     along = (n[0] * x + n[1] * y + n[2] * z) * (n[0] * p[0] + n[1] * p[1] + n[2] * p[2])
     return p[0] * x + p[1] * y + p[2] * z - along + moment_work(bodies, pair)
 
@@ -276,6 +325,66 @@ def _mean_velocity(body, lever):
         v, w = body["path_velocity"], body["path_omega"]
     p, q, r = point_velocity(v, w, body["old_center"], lever)
     return (x + p) / 2, (y + q) / 2, (z + r) / 2
+
+
+@kernel
+def add_changes(bodies, pairs, count, on_path):
+    """Add to free bodies the impulse and the angular impulse that corrected rows exert because force, normal
+    and lever change together over a substep: integrals of products of their deviations from their means.
+
+    The force falls by six times the difference of the impulses of both laws, which weigh it by time.
+
+    Args:
+        on_path: in the law of positions, which weighs by the time left.
+    """
+    share = 1 / 3 if on_path else 1 / 2
+    for k in range(count):
+        pair = pairs[k]
+        if pair["corrected"] == 0:
+            continue
+        n, far = vector_of(pair["normal"]), vector_of(pair["path_normal"])
+        p, q = vector_of(pair["resting_impulse"]), vector_of(pair["spare"])
+        along, far_along, bend = dot(n, p), dot(far, q), vector_of(pair["normal_way"])
+        change, scale = plus(p, -1.0, q), 1.0
+        # a force that never pulls changes by twice its mean at most
+        if 9 * dot(change, change) > dot(p, p):
+            scale = sqrt(dot(p, p) / dot(change, change)) / 3
+        push = times(scale * share * (along - far_along), bend)
+        fall = times(scale, plus(plus(change, far_along, far), -far_along, n))
+        fall = plus(fall, (far_along if on_path else along) / 6, bend)
+        for side in range(2):
+            body, sign = bodies[pair["body_b"] if side else pair["body_a"]], 1.0 if side else -1.0
+            if body["kind"] != SIMULATED or body["driver"] >= 0:
+                continue
+            near = vector_of(pair["lever_b"] if side else pair["lever_a"])
+            path = vector_of(pair["path_lever_b"] if side else pair["path_lever_a"])
+            way, arm = times(6.0, plus(near, -1.0, path)), path if on_path else near
+            torque = cross(plus(arm, -1.0, vector_of(body["center"])), push)
+            torque, turn = plus(torque, share, cross(way, fall)), body["scratch"][0]
+            rotate(body["inverse_inertia"], torque, turn)
+            for i in range(3):
+                body["velocity"][i] += sign * body["inverse_mass"] * push[i]
+                body["omega"][i] += sign * turn[i]
+
+
+@kernel
+def _mean_slip(a, b, pair):
+    """Mean over the substep of the velocity of B's material relative to A's at a contact."""
+    x, y, z = _mean_at_contact(b, pair["lever_b"], pair["path_lever_b"], pair["corrected"])
+    u, v, w = _mean_at_contact(a, pair["lever_a"], pair["path_lever_a"], pair["corrected"])
+    return x - u, y - v, z - w
+
+
+@kernel
+def _mean_at_contact(body, lever, path_lever, corrected):
+    """Part of a body in `_mean_slip`: lever and angular velocity change together."""
+    mean = _mean_velocity(body, lever)
+    if corrected == 0 or not is_moving(body):
+        return mean
+    w = body["path_omega"] if body["led"] == 1 else body["omega"]
+    turn = plus(vector_of(w), -1.0, vector_of(body["old_omega"]))
+    way = plus(vector_of(lever), -1.0, vector_of(path_lever))  # a sixth of the lever's change
+    return plus(mean, 0.5, cross(turn, way))
 
 
 @kernel

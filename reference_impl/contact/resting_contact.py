@@ -14,7 +14,9 @@ from touchstone.reference_impl.contact.contact_events import (
 from touchstone.reference_impl.contact.contact_log import log_held
 from touchstone.reference_impl.contact.end_correction import (
     END_ERROR,
+    add_changes,
     correct_ends,
+    exchange_geometry,
     friction_work,
     gap_aimed,
 )
@@ -218,6 +220,7 @@ def _correct_velocities(world, count, h):
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
     begin_again(bodies, joints, drivers)
     apply_forces(bodies, joints, drivers, VELOCITY_LEAD, h, state)
+    add_changes(bodies, world.pairs, count, False)
     _forget_residual(state)
     state["lead"] = VELOCITY_LEAD
     solve_contacts(bodies, joints, drivers, world.pairs, count, True, state)
@@ -405,7 +408,7 @@ def _prepare_resting_contacts(world, count, h):
         pair = pairs[k]
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, 0.0)
-        pair["gap_error"] = 0.0
+        pair["gap_error"], pair["corrected"] = 0.0, 0
         pair["curved"] = 1 if smooth else 0
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     if smooth:
@@ -566,6 +569,7 @@ def _solve_positions(world, count, h, again):
             copy_vector(bodies[b]["omega"], bodies[b]["path_omega"])
         begin_again(bodies, joints, drivers)
         apply_forces(bodies, joints, drivers, 1.0, h, state)
+        add_changes(bodies, pairs, count, True)
         for k in range(count):
             if again:
                 _exchange_impulses(pairs[k])
@@ -573,6 +577,7 @@ def _solve_positions(world, count, h, again):
                 copy_vector(pairs[k]["resting_impulse"], pairs[k]["spare"])
                 copy_vector(pairs[k]["moment"], pairs[k]["spare_moment"])
             _ask_positions(bodies, drivers, pairs[k], h, state)
+            exchange_geometry(pairs[k])
         state["lead"] = 1.0
         solve_contacts(bodies, joints, drivers, pairs, count, True, state)
         state["lead"] = 0.0
@@ -580,6 +585,7 @@ def _solve_positions(world, count, h, again):
             _move_by_positions(world, count)
         for k in range(count):
             _exchange_impulses(pairs[k])
+            exchange_geometry(pairs[k])
             pairs[k]["floor"] = pairs[k]["held_floor"]
         # of all rows again: the islands of the law of positions are without the others
         join_islands(bodies, drivers, pairs, count, False)

@@ -36,24 +36,32 @@ def error(scene: Scenario, rate: int, profile: str = "balanced", *changes: str) 
 
 @pytest.mark.parametrize(
     ("name", "most"),
-    [
-        ("ball_off_sphere", 5e-4),
-        ("ball_off_sphere_rough", 5e-4),
-        ("disc_rolls", 2e-3),
-        ("ellipsoid_rolls", 5e-3),
-        ("prism_rolls", 2e-4),
-        ("rim_rolls", 2e-3),
-    ],
+    [("disc_rolls", 2e-3), ("ellipsoid_rolls", 5e-3), ("rim_rolls", 2e-3)],
 )
 def test_the_error_is_of_second_order(name: str, most: float) -> None:
-    """Half the step, a quarter of the error: the first two were first order, 2.5e-2 and 1.7e-2 off at
-    1/60 s; both ellipsoids lost contact again and again, and no step mended it. The prism, which pivots about
-    its edges, was 8e-4 off and of first order."""
+    """Half the step, a quarter of the error: bodies lost contact again and again, and no step mended it."""
     scene = find(name)
     assert error(scene, 60) < most
     # without substeps of its own for the turn
     coarse, fine = (error(scene, rate, "balanced", "contact_turn=0.5") for rate in (120, 480))
     assert log2(coarse / fine) / 2 > 1.8
+
+
+@pytest.mark.parametrize(
+    ("name", "coarse", "fine"),
+    [
+        ("ball_off_sphere", 1e-4, 1e-5),
+        ("ball_off_sphere_rough", 1e-4, 1e-5),
+        ("ellipsoid_rocks", 1e-4, 1e-5),
+        ("prism_rolls", 5e-6, 2e-6),
+        ("rocking_block", 2e-4, 2e-5),
+    ],
+)
+def test_rotation_about_one_axis_is_nearer(name: str, coarse: float, fine: float) -> None:
+    """Force, normal and lever that change together have their effect on impulse and way: with their means
+    alone these scenes were 4e-4, 4e-4, 3e-2, 1e-4 and 4e-3 off at 1/60 s. What is left is of events."""
+    assert error(find(name), 60) < coarse
+    assert error(find(name), 480) < fine
 
 
 def test_a_smaller_turn_is_nearer() -> None:
