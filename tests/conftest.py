@@ -330,6 +330,17 @@ def played(scenario: str, name: str, profile: str = "") -> Recording:
     return played_as(name, catalogue()[scenario], settings(name, profile))
 
 
+def saved(scenario: str, name: str) -> bytes:
+    """The file of a recording of `played`, written once a session."""
+
+    def write() -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            played(scenario, name).save(Path(folder) / "run.npz")
+            return (Path(folder) / "run.npz").read_bytes()
+
+    return shared().get(f"file {name} {scenario}", write)
+
+
 def judged_rows(scenario: str, name: str, profile: str = "") -> tuple[Row, ...]:
     """The judged rows of all metrics of the same, measured once a session."""
     scene, chosen = catalogue()[scenario], settings(name, profile)
@@ -345,7 +356,9 @@ def judged_rows(scenario: str, name: str, profile: str = "") -> tuple[Row, ...]:
 @pytest.fixture(scope="session")
 def registry() -> SimpleNamespace:
     """Engines that skip when missing, their settings, and what they make of the catalogue's scenes."""
-    return SimpleNamespace(engine=engine, settings=settings, played=played, judged_rows=judged_rows)
+    return SimpleNamespace(
+        engine=engine, settings=settings, played=played, saved=saved, judged_rows=judged_rows
+    )
 
 
 def recording(scenario: Scenario, dt: float = FRAME, **columns: object) -> Recording:
