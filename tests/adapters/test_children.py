@@ -154,7 +154,7 @@ def test_slices_are_interleaved(ended):
     assert len(turns) == 3 * 2 + 6 * 2
 
 
-def test_together_is_at_the_same_time(ended, scenario, tmp_path):
+def test_together_is_at_the_same_time(ended, scenario, tmp_path, forked):
     """Leave the same recordings when all play at once, and work in each other's turns."""
     stage = Stage(tmp_path, scenario)
     names = ["healthy", "prints", "throws", "exits"]
@@ -177,7 +177,7 @@ def test_progress_counts_every_frame_of_every_job(ended):
     assert (f"healthy {SETTINGS.label}: save", 0) in ended[0].progress
 
 
-def test_a_budget_ends_a_scene(scenario, tmp_path):
+def test_a_budget_ends_a_scene(scenario, tmp_path, forked):
     """One whose budget is used up leaves out the rest, and its recording is whole as far as it goes."""
     stage = Stage(tmp_path, scenario)
     plain = stage.jobs
@@ -188,7 +188,7 @@ def test_a_budget_ends_a_scene(scenario, tmp_path):
     assert sum(frames for _, frames in stage.progress) == FRAMES
 
 
-def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):
+def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path, forked):
     """One that does not answer is an error after the patience given, and another still finishes."""
     stage = Stage(tmp_path, scenario)
     start = time.monotonic()
@@ -200,14 +200,14 @@ def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):
     assert time.monotonic() - start > PATIENCE
 
 
-def test_waiting_for_a_processor_is_no_hang(scenario, tmp_path, monkeypatch):
+def test_waiting_for_a_processor_is_no_hang(scenario, tmp_path, forked, monkeypatch):
     """A child whose processors other processes have is waited for."""
     monkeypatch.setattr(process, "queued_seconds", lambda pid: time.monotonic())
     ended = Stage(tmp_path, scenario).play(["slow"], patience=PATIENCE)
     assert ended["slow"].status == "done"
 
 
-def test_an_error_in_the_parent_stops_the_children(scenario, tmp_path):
+def test_an_error_in_the_parent_stops_the_children(scenario, tmp_path, forked):
     """An exception in the middle of the play, such as Ctrl-C, leaves no child behind."""
     stage = Stage(tmp_path, scenario)
 
@@ -270,7 +270,7 @@ def test_no_jobs_is_no_play(scenario):
         assert children.play([], lambda label, frames: None) == []
 
 
-def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path):
+def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path, forked):
     """Skip the scenes after one in which an engine hung, with its name; the others play on."""
     from fake_engines import load as fakes
 
@@ -289,7 +289,7 @@ def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path):
 @pytest.mark.parametrize(
     ("compiles", "status"), [("builtins:str", "done"), pytest.param("", "error", marks=pytest.mark.slow)]
 )
-def test_compilation_has_a_patience_of_its_own(scenario, tmp_path, monkeypatch, compiles, status):
+def test_compilation_has_a_patience_of_its_own(scenario, tmp_path, forked, monkeypatch, compiles, status):
     """Wait longer for commands that may compile, for engines that do; not for any other engine."""
     from fake_engines import load as fakes
 

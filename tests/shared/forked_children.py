@@ -1,5 +1,6 @@
 """Child processes that are forked in place of spawned, for tests that are about what children do."""
 
+import faulthandler
 import multiprocessing
 import os
 import sys
@@ -26,7 +27,8 @@ class Forks:
 
 
 def _forked(target, *args):
-    """Print to the file descriptors, which pytest replaced."""
+    """Print to the file descriptors, which pytest replaced; what it would print of a crash goes elsewhere."""
+    faulthandler.disable()
     sys.stdout, sys.stderr = (os.fdopen(k, "w", closefd=False) for k in (1, 2))
     target(*args)
 
