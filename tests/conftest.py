@@ -193,15 +193,11 @@ def scene(
     *bodies: Body, e: float = 0.0, mu: float = 0.0, laws: dict[str, float] | None = None, **fields: object
 ) -> Scenario:
     """A scene of wood, one second long unless told otherwise; `laws` are those of friction beyond mu."""
-    return Scenario(
-        name="test",
-        summary="a test",
-        tags=(),
-        bodies=bodies,
-        coefficients=(PairCoefficients("wood", "wood", e, mu, **(laws or {})),),
-        duration=float(fields.pop("duration", 1.0)),
-        **fields,
+    duration, pairs = (
+        float(fields.pop("duration", 1.0)),
+        PairCoefficients("wood", "wood", e, mu, **(laws or {})),
     )
+    return Scenario("test", "a test", (), bodies, duration, (pairs,), **fields)
 
 
 def person(parts: Parts | None = None, **fields: object) -> Scenario:
@@ -266,23 +262,9 @@ def engines_of_this_test() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def lab() -> SimpleNamespace:
     """The builders of this file."""
-    return SimpleNamespace(
-        piece=piece,
-        corners=corners,
-        measure=measure,
-        ball=ball,
-        block=block,
-        ground=ground,
-        still=still,
-        scene=scene,
-        person=person,
-        build=build,
-        play=play,
-        counters=counters,
-        motion=motion,
-        scene_piece=scene_piece,
-        frame=FRAME,
-    )
+    builders = (piece, corners, measure, ball, block, ground, still, scene, person, build, play, counters)
+    named = {one.__name__: one for one in (*builders, motion, scene_piece)}
+    return SimpleNamespace(**named, frame=FRAME)
 
 
 @cache

@@ -335,17 +335,8 @@ def test_a_limit_stops_a_hinge_and_holds_it() -> None:
 
 def test_a_motor_pushes_with_its_largest_force_up_to_its_speed() -> None:
     body = rod("rod", (0.5, 0.0, 0.0), (0.5, 0.02, 0.02))
-    joint = BodyJoint(
-        "pivot",
-        "hinge",
-        "",
-        "rod",
-        (0.0, 0.0, 0.0),
-        (0.0, 0.0, 1.0),
-        damping=100.0,
-        target_rate=3.0,
-        largest_force=1.0,
-    )
+    motor = {"damping": 100.0, "target_rate": 3.0, "largest_force": 1.0}
+    joint = BodyJoint("pivot", "hinge", "", "rod", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), **motor)
     motion = play(scene([body], [joint], 2.0))
     inertia = body.inertia[2][2] + 0.25
     assert motion.omega[29, 0, 2] == pytest.approx(0.5 / inertia, rel=1e-6)
@@ -353,17 +344,8 @@ def test_a_motor_pushes_with_its_largest_force_up_to_its_speed() -> None:
 
 
 def test_a_spring_and_a_damper_on_a_slider_follow_the_closed_form() -> None:
-    joint = BodyJoint(
-        "rail",
-        "slider",
-        "",
-        "cart",
-        (0.0, 0.0, 0.0),
-        (1.0, 0.0, 0.0),
-        stiffness=50.0,
-        damping=2.0,
-        target=0.2,
-    )
+    spring = {"stiffness": 50.0, "damping": 2.0, "target": 0.2}
+    joint = BodyJoint("rail", "slider", "", "cart", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), **spring)
     motion = play(scene([rod("cart", (0.0, 0.0, 0.0), (0.1, 0.1, 0.1), mass=2.0)], [joint], 3.0))
     times = np.arange(1, 181) / 60
     rate, swing = 0.5, np.sqrt(25.0 - 0.25)
