@@ -33,8 +33,13 @@ def _forked(target, *args):
     target(*args)
 
 
+def fork_children(patch: pytest.MonkeyPatch) -> None:
+    """Fork child processes until the patch ends."""
+    forking = SimpleNamespace(**vars(multiprocessing) | {"get_context": lambda _: Forks})
+    patch.setattr(process, "multiprocessing", forking)
+
+
 @pytest.fixture
 def forked(monkeypatch):
     """Fork child processes."""
-    forking = SimpleNamespace(**vars(multiprocessing) | {"get_context": lambda _: Forks})
-    monkeypatch.setattr(process, "multiprocessing", forking)
+    fork_children(monkeypatch)
