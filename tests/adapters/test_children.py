@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from forked_children import fork_children
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recording import load
@@ -93,7 +94,9 @@ def scenario(lab):
 def ended(scenario, tmp_path_factory):
     """All the fakes that end by themselves, played together."""
     stage = Stage(tmp_path_factory.mktemp("ended"), scenario)
-    return stage, stage.play(REASONS)
+    with pytest.MonkeyPatch.context() as patch:
+        fork_children(patch)
+        return stage, stage.play(REASONS)
 
 
 @pytest.mark.parametrize("name", REASONS)
@@ -129,18 +132,18 @@ def test_no_child_survives(ended):
     assert ended[0].alive() == []
 
 
-def test_output_goes_to_the_childs_file(ended, capfd, scenario, tmp_path):
+def test_output_goes_to_the_childs_file(capfd, scenario, tmp_path):
     """What an engine prints, natively or not, is in its file; tracebacks too; nothing reaches ours."""
-    stage, _ = ended
-    printed = (stage.folder / "prints.txt").read_text().splitlines()
+    stage = Stage(tmp_path, scenario)
+    capfd.readouterr()
+    stage.play(["prints", "throws", "healthy"])
+    assert capfd.readouterr() == ("", "")
+    printed = (tmp_path / "prints.txt").read_text().splitlines()
     assert sorted(printed) == ["from Python", "native to stderr", "native to stdout"]
-    traceback = (stage.folder / "throws.txt").read_text()
+    traceback = (tmp_path / "throws.txt").read_text()
     assert "Traceback" in traceback
     assert "in misbehave" in traceback
-    assert (stage.folder / "healthy.txt").read_text() == ""
-    capfd.readouterr()
-    Stage(tmp_path, scenario).play(["prints", "throws"])
-    assert capfd.readouterr() == ("", "")
+    assert (tmp_path / "healthy.txt").read_text() == ""
 
 
 def test_slices_are_interleaved(ended):
