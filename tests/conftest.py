@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import typer
 from hypothesis import HealthCheck
 from hypothesis import settings as hypothesis_settings
 from scipy.spatial.transform import Rotation
@@ -193,15 +194,11 @@ def scene(
     *bodies: Body, e: float = 0.0, mu: float = 0.0, laws: dict[str, float] | None = None, **fields: object
 ) -> Scenario:
     """A scene of wood, one second long unless told otherwise; `laws` are those of friction beyond mu."""
-    return Scenario(
-        name="test",
-        summary="a test",
-        tags=(),
-        bodies=bodies,
-        coefficients=(PairCoefficients("wood", "wood", e, mu, **(laws or {})),),
-        duration=float(fields.pop("duration", 1.0)),
-        **fields,
+    duration, pairs = (
+        float(fields.pop("duration", 1.0)),
+        PairCoefficients("wood", "wood", e, mu, **(laws or {})),
     )
+    return Scenario("test", "a test", (), bodies, duration, (pairs,), **fields)
 
 
 def person(parts: Parts | None = None, **fields: object) -> Scenario:
@@ -254,6 +251,14 @@ def motion(world: World) -> tuple[np.ndarray, np.ndarray, float]:
     return linear.sum(0), (spin + np.cross(rows["center"], linear)).sum(0), float(energy)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def commands_built_once() -> Iterator[None]:
+    """Build the program's commands for its first call alone: that takes 0.04 s."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
+        yield
+
+
 @pytest.fixture(autouse=True)
 def engines_of_this_test() -> Iterator[None]:
     """Forget the engines that a test asked for by name: others play those of the start."""
@@ -266,23 +271,9 @@ def engines_of_this_test() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def lab() -> SimpleNamespace:
     """The builders of this file."""
-    return SimpleNamespace(
-        piece=piece,
-        corners=corners,
-        measure=measure,
-        ball=ball,
-        block=block,
-        ground=ground,
-        still=still,
-        scene=scene,
-        person=person,
-        build=build,
-        play=play,
-        counters=counters,
-        motion=motion,
-        scene_piece=scene_piece,
-        frame=FRAME,
-    )
+    builders = (piece, corners, measure, ball, block, ground, still, scene, person, build, play, counters)
+    named = {one.__name__: one for one in (*builders, motion, scene_piece)}
+    return SimpleNamespace(**named, frame=FRAME)
 
 
 @cache
@@ -330,6 +321,17 @@ def played(scenario: str, name: str, profile: str = "") -> Recording:
     return played_as(name, catalogue()[scenario], settings(name, profile))
 
 
+def saved(scenario: str, name: str) -> bytes:
+    """The file of a recording of `played`, written once a session."""
+
+    def write() -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            played(scenario, name).save(Path(folder) / "run.npz")
+            return (Path(folder) / "run.npz").read_bytes()
+
+    return shared().get(f"file {name} {scenario}", write)
+
+
 def judged_rows(scenario: str, name: str, profile: str = "") -> tuple[Row, ...]:
     """The judged rows of all metrics of the same, measured once a session."""
     scene, chosen = catalogue()[scenario], settings(name, profile)
@@ -345,7 +347,9 @@ def judged_rows(scenario: str, name: str, profile: str = "") -> tuple[Row, ...]:
 @pytest.fixture(scope="session")
 def registry() -> SimpleNamespace:
     """Engines that skip when missing, their settings, and what they make of the catalogue's scenes."""
-    return SimpleNamespace(engine=engine, settings=settings, played=played, judged_rows=judged_rows)
+    return SimpleNamespace(
+        engine=engine, settings=settings, played=played, saved=saved, judged_rows=judged_rows
+    )
 
 
 def recording(scenario: Scenario, dt: float = FRAME, **columns: object) -> Recording:

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -18,13 +19,19 @@ def name_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@cache
+def tree(path: Path) -> ast.Module:
+    """Syntax tree of a module."""
+    return ast.parse(path.read_text())
+
+
 def imports() -> dict[str, set[str]]:
     """Modules that each module imports, at its top, in a function, or for types."""
     names = {name_of(path) for path in MODULES}
     found: dict[str, set[str]] = {}
     for path in MODULES:
         mine = found[name_of(path)] = set()
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.ImportFrom) and node.module:
                 parts = (f"{node.module}.{alias.name}" for alias in node.names)
                 mine |= {part if part in names else node.module for part in parts}
@@ -63,20 +70,18 @@ MOST_PARAMETERS = 8
 
 
 def functions(path: Path) -> Iterator[tuple[str, int]]:
-    """Name and number of parameters of each function but commands."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.FunctionDef) and "typer.Option" not in ast.unparse(node.args):
+    """Name and number of parameters of each function with more than MOST_PARAMETERS, but of commands."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.FunctionDef):
             given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
             count = len([one for one in given if one.arg not in ("self", "cls")])
-            yield node.name, count
+            if count > MOST_PARAMETERS and "typer.Option" not in ast.unparse(node.args):
+                yield node.name, count
 
 
 def test_functions_have_few_parameters():
     """A function has at most MOST_PARAMETERS parameters; those of a command are its options."""
     found = {
-        f"{path.relative_to(ROOT)}: {name}": count
-        for path in MODULES
-        for name, count in functions(path)
-        if count > MOST_PARAMETERS
+        f"{path.relative_to(ROOT)}: {name}": count for path in MODULES for name, count in functions(path)
     }
     assert found == {}

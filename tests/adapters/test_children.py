@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from forked_children import fork_children
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recording import load
@@ -93,7 +94,9 @@ def scenario(lab):
 def ended(scenario, tmp_path_factory):
     """All the fakes that end by themselves, played together."""
     stage = Stage(tmp_path_factory.mktemp("ended"), scenario)
-    return stage, stage.play(REASONS)
+    with pytest.MonkeyPatch.context() as patch:
+        fork_children(patch)
+        return stage, stage.play(REASONS)
 
 
 @pytest.mark.parametrize("name", REASONS)
@@ -129,18 +132,18 @@ def test_no_child_survives(ended):
     assert ended[0].alive() == []
 
 
-def test_output_goes_to_the_childs_file(ended, capfd, scenario, tmp_path):
+def test_output_goes_to_the_childs_file(capfd, scenario, tmp_path):
     """What an engine prints, natively or not, is in its file; tracebacks too; nothing reaches ours."""
-    stage, _ = ended
-    printed = (stage.folder / "prints.txt").read_text().splitlines()
+    stage = Stage(tmp_path, scenario)
+    capfd.readouterr()
+    stage.play(["prints", "throws", "healthy"])
+    assert capfd.readouterr() == ("", "")
+    printed = (tmp_path / "prints.txt").read_text().splitlines()
     assert sorted(printed) == ["from Python", "native to stderr", "native to stdout"]
-    traceback = (stage.folder / "throws.txt").read_text()
+    traceback = (tmp_path / "throws.txt").read_text()
     assert "Traceback" in traceback
     assert "in misbehave" in traceback
-    assert (stage.folder / "healthy.txt").read_text() == ""
-    capfd.readouterr()
-    Stage(tmp_path, scenario).play(["prints", "throws"])
-    assert capfd.readouterr() == ("", "")
+    assert (tmp_path / "healthy.txt").read_text() == ""
 
 
 def test_slices_are_interleaved(ended):
@@ -154,7 +157,7 @@ def test_slices_are_interleaved(ended):
     assert len(turns) == 3 * 2 + 6 * 2
 
 
-def test_together_is_at_the_same_time(ended, scenario, tmp_path):
+def test_together_is_at_the_same_time(ended, scenario, tmp_path, forked):
     """Leave the same recordings when all play at once, and work in each other's turns."""
     stage = Stage(tmp_path, scenario)
     names = ["healthy", "prints", "throws", "exits"]
@@ -177,7 +180,7 @@ def test_progress_counts_every_frame_of_every_job(ended):
     assert (f"healthy {SETTINGS.label}: save", 0) in ended[0].progress
 
 
-def test_a_budget_ends_a_scene(scenario, tmp_path):
+def test_a_budget_ends_a_scene(scenario, tmp_path, forked):
     """One whose budget is used up leaves out the rest, and its recording is whole as far as it goes."""
     stage = Stage(tmp_path, scenario)
     plain = stage.jobs
@@ -188,7 +191,7 @@ def test_a_budget_ends_a_scene(scenario, tmp_path):
     assert sum(frames for _, frames in stage.progress) == FRAMES
 
 
-def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):
+def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path, forked):
     """One that does not answer is an error after the patience given, and another still finishes."""
     stage = Stage(tmp_path, scenario)
     start = time.monotonic()
@@ -200,14 +203,14 @@ def test_a_hanging_engine_is_given_up_and_killed(scenario, tmp_path):
     assert time.monotonic() - start > PATIENCE
 
 
-def test_waiting_for_a_processor_is_no_hang(scenario, tmp_path, monkeypatch):
+def test_waiting_for_a_processor_is_no_hang(scenario, tmp_path, forked, monkeypatch):
     """A child whose processors other processes have is waited for."""
     monkeypatch.setattr(process, "queued_seconds", lambda pid: time.monotonic())
     ended = Stage(tmp_path, scenario).play(["slow"], patience=PATIENCE)
     assert ended["slow"].status == "done"
 
 
-def test_an_error_in_the_parent_stops_the_children(scenario, tmp_path):
+def test_an_error_in_the_parent_stops_the_children(scenario, tmp_path, forked):
     """An exception in the middle of the play, such as Ctrl-C, leaves no child behind."""
     stage = Stage(tmp_path, scenario)
 
@@ -270,7 +273,7 @@ def test_no_jobs_is_no_play(scenario):
         assert children.play([], lambda label, frames: None) == []
 
 
-def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path):
+def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path, forked):
     """Skip the scenes after one in which an engine hung, with its name; the others play on."""
     from fake_engines import load as fakes
 
@@ -289,7 +292,7 @@ def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path):
 @pytest.mark.parametrize(
     ("compiles", "status"), [("builtins:str", "done"), pytest.param("", "error", marks=pytest.mark.slow)]
 )
-def test_compilation_has_a_patience_of_its_own(scenario, tmp_path, monkeypatch, compiles, status):
+def test_compilation_has_a_patience_of_its_own(scenario, tmp_path, forked, monkeypatch, compiles, status):
     """Wait longer for commands that may compile, for engines that do; not for any other engine."""
     from fake_engines import load as fakes
 

@@ -19,7 +19,7 @@ FATES = {
 
 
 @pytest.fixture
-def fakes(tmp_path, monkeypatch):
+def fakes(tmp_path, monkeypatch, forked):
     """The loader of the fake engines, which children can import too."""
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     from fake_engines import load

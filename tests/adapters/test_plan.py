@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from same_recording import SHORT, different
 
 from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.engines.reference.settings import PAPER, PROFILES
@@ -20,21 +21,21 @@ from touchstone.scenarios.plan import INERTIA_FACTOR
 from touchstone.scenarios.scenario import Chain, Joint, Scenario
 
 FRAME = 1 / 60
-SHORT = [name for name, one in catalogue().items() if "heap" not in one.tags and one.duration < 5]
 
 
 def assert_same(one, two) -> None:
-    """The same motion to the bit."""
+    """The same motion; 0.0 and -0.0 are the same."""
     for name in ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
 
 
 @pytest.mark.parametrize("name", SHORT)
 def test_plan_and_all_effects_are_one(registry: SimpleNamespace, name: str) -> None:
-    """Play a scene with all effects as with those that it needs, to the bit."""
+    """Play a scene with all effects as with those that it needs, to the bit but for counters of work; so a
+    second run repeats the first."""
     everything = Settings("balanced", FRAME, effects=PLANNED)
     whole = record(registry.engine("reference"), catalogue()[name], everything)
-    assert_same(registry.played(name, "reference"), whole)
+    assert different(registry.played(name, "reference"), whole) <= {"work"}
 
 
 def random_scene(lab: SimpleNamespace, rng: np.random.Generator) -> Scenario:

@@ -18,7 +18,7 @@ FAKES = ("healthy", "speeds", "throws", "exits", "unsupported")
 
 
 @pytest.fixture
-def fakes(monkeypatch, tmp_path):
+def fakes(monkeypatch, tmp_path, forked):
     """The fake engines in the registry's place, and children that load them."""
     monkeypatch.syspath_prepend(str(Path(__file__).parent))
     from fake_engines import load

@@ -87,7 +87,7 @@ def test_a_missing_or_unknown_field_is_named(saved, change):
 def test_a_forged_recording_is_refused_by_its_field(registry, tmp_path, way):
     """Types, shapes, texts and sizes that no run writes end in one line that names file and field."""
     path = tmp_path / "run.npz"
-    registry.played("ball_snip", "reference").save(path)
+    path.write_bytes(registry.saved("ball_snip", "reference"))
     named = forge(path, way)
     with pytest.raises(RecordingError) as caught:
         load(path)

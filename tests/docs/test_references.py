@@ -1,9 +1,7 @@
 """What pages, docstrings and comments name exists, and constants have the values that pages quote."""
 
 import ast
-import io
 import re
-import tokenize
 from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
@@ -57,6 +55,7 @@ NAME = re.compile(r"[A-Za-z_][\w.]*(?:\(\))?")
 PLACEHOLDER = re.compile(r"\b(?:NAME|ENGINE|SCENE|STORE|RUN|TIME)\b|_STAGE\b")
 FILE_THEN_NAMES = re.compile(r"`([\w/]+\.py)`((?:(?:,| \(|,? and) ?`\w+`\)?(?! in `))+)")
 NAME_IN_FILE = re.compile(r"`(\w+)`(?: in |, )`([\w/]+\.py)`|`([\w/]+\.py)::(\w+)`")
+COMMENT = re.compile(r"""((?:[^"'#]|"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')*)(#.*)""")
 HEADING = re.compile(r"(?:\]\(|`|docs/)?\b([\w/]+\.md)[)`]*,? \(?\"([^\"]+)\"")
 
 
@@ -65,17 +64,22 @@ def parts_of(path: Path) -> tuple[list[tuple[int, str]], set[str]]:
     """Docstrings and comments of a module with their lines, of a page its paragraphs; and all other words."""
     source, texts = path.read_text("utf-8"), []
     if path.suffix == ".py":
+        lines = ["", *source.splitlines()]
+        whole, in_texts = set(), set()  # lines of docstrings, and those of other texts but their first
         for node in ast.walk(ast.parse(source)):
             for one in getattr(node, "body", None) if isinstance(getattr(node, "body", None), list) else ():
                 if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant):
                     texts.append((one.lineno, str(one.value.value)))
-        told, kept = {text for _, text in texts}, []
-        for token in tokenize.generate_tokens(io.StringIO(source).readline):
-            if token.type == tokenize.COMMENT:
-                texts.append((token.start[0], token.string))
-            elif not token.string.startswith('"""') or token.string[3:-3] not in told:
-                kept.append(token.string)
-        source = " ".join(kept)
+                    whole |= set(range(one.lineno, one.end_lineno + 1))
+            if isinstance(node, (ast.Constant, ast.JoinedStr)) and '"""' in lines[node.lineno]:
+                in_texts |= set(range(node.lineno + 1, node.end_lineno + 1))
+        for k, line in enumerate(lines):
+            if k in whole:
+                lines[k] = ""
+            elif k not in in_texts and (found := COMMENT.match(line)):
+                lines[k] = found[1]
+                texts.append((k, found[2]))
+        source = "\n".join(lines)
     else:
         line = 1
         for paragraph in source.split("\n\n"):

@@ -44,6 +44,12 @@ def plate(name: str, half: tuple[float, float, float], mass: float) -> Body:
     return Body(name, "driven", "pad", (Piece(name, Box(half)),), mass=mass, inertia=inertia)
 
 
+def plate_on_a_box(mass: float) -> tuple[Body, ...]:
+    """The ground, a plate, and a box of 1 kg on which it lies."""
+    box = block("box", "wood", BOX, 1.0, (0, 0, BOX[2]))
+    return slab("ground", "wood"), plate("plate", PLATE, mass), box
+
+
 def tracker(
     root: str, path: Path, duration: float, stiffness: float, mass: float, ratio: float = 1.0
 ) -> Tracker:
@@ -66,22 +72,10 @@ def play(
     joints: tuple[Joint, ...] = (),
 ) -> Recording:
     """Play plates of `pad` among bodies of `wood`."""
-    scenario = Scenario(
-        name="driven",
-        summary="",
-        tags=(),
-        bodies=bodies,
-        duration=trackers[0].times[-1],
-        coefficients=(
-            PairCoefficients("wood", "wood", 0.0, wood),
-            PairCoefficients("wood", "pad", 0.0, pad),
-            PairCoefficients("pad", "pad", 0.0, pad),
-        ),
-        trackers=trackers,
-        joints=joints,
-        gravity=gravity,
-        frame_rate=rate,
-    )
+    given = {("wood", "wood"): wood, ("wood", "pad"): pad, ("pad", "pad"): pad}
+    pairs = tuple(PairCoefficients(*names, 0.0, mu) for names, mu in given.items())
+    fields = {"trackers": trackers, "joints": joints, "gravity": gravity, "frame_rate": rate}
+    scenario = Scenario("driven", "", (), bodies, trackers[0].times[-1], pairs, **fields)
     return record(load("reference"), scenario, Settings(profile, 1 / rate))
 
 
@@ -103,12 +97,7 @@ def mean_force(recording: Recording, a: int, b: int, axis: int, since: float) ->
 def test_a_plate_presses_with_its_spring(profile: str, rate: int, stiffness: float, mass: float) -> None:
     """A tracker 10 mm inside a box on the ground presses with K d, whatever the step; nothing moves."""
     path = tracker("plate", lambda t: (0, 0, TOP - 0.01 * ramp(t, 0, 0.3)), 1.5, stiffness, mass)
-    bodies = (
-        slab("ground", "wood"),
-        plate("plate", PLATE, mass),
-        block("box", "wood", BOX, 1.0, (0, 0, BOX[2])),
-    )
-    found = play(bodies, (path,), rate, profile)
+    found = play(plate_on_a_box(mass), (path,), rate, profile)
     assert mean_force(found, 1, 2, 2, 1.4) == pytest.approx(0.01 * stiffness, rel=1e-6)
     assert mean_force(found, 0, 2, 2, 1.4) == pytest.approx(0.01 * stiffness + GRAVITY, rel=1e-6)
     assert np.abs(found.position[:, 2] - (0, 0, BOX[2])).max() < 1e-6
@@ -119,8 +108,7 @@ def test_a_plate_presses_with_its_spring(profile: str, rate: int, stiffness: flo
 def test_a_spring_with_little_damping_presses_with_its_force(rate: int, stiffness: float, mass: float):
     """Also where the coupling swings many times in a step, at 2 % of critical damping."""
     path = tracker("plate", lambda t: (0, 0, TOP - 0.01 * ramp(t, 0, 0.3)), 3.0, stiffness, mass, 0.02)
-    box = block("box", "wood", BOX, 1.0, (0, 0, BOX[2]))
-    found = play((slab("ground", "wood"), plate("plate", PLATE, mass), box), (path,), rate)
+    found = play(plate_on_a_box(mass), (path,), rate)
     assert mean_force(found, 1, 2, 2, 2.9) == pytest.approx(0.01 * stiffness, rel=1e-6)
     assert np.abs(found.position[:, 2] - (0, 0, BOX[2])).max() < 1e-6
 
@@ -179,12 +167,7 @@ def test_a_box_is_dragged_without_slip(profile: str) -> None:
         4000.0,
         0.5,
     )
-    bodies = (
-        slab("ground", "wood"),
-        plate("plate", PLATE, 0.5),
-        block("box", "wood", BOX, 1.0, (0, 0, BOX[2])),
-    )
-    found = play(bodies, (path,), 60, profile, pad=0.8)
+    found = play(plate_on_a_box(0.5), (path,), 60, profile, pad=0.8)
     assert np.ptp((found.position[:, 2] - found.position[:, 1])[30:], axis=0).max() < 1e-8
     assert found.position[-1, 2, 0] == pytest.approx(0.3 - 0.3 * (40 + GRAVITY) / 4000, abs=1e-3)
 
@@ -204,12 +187,8 @@ def test_a_palm_holds_a_cube_on_a_wall(profile: str) -> None:
 def test_a_finger_bears_on_a_pushed_box(profile: str) -> None:
     """50 N of a finger and 9.81 N of weight at mu 0.5 hold a box against 10 N."""
     path = tracker("plate", lambda t: (0, 0, TOP - 0.01 * ramp(t, 0, 0.3)), 2.0, 5000.0, 0.5)
-    bodies = (
-        slab("ground", "wood"),
-        plate("plate", PLATE, 0.5),
-        block("box", "wood", BOX, 1.0, (0, 0, BOX[2])),
-    )
-    found = play(bodies, (path,), 60, profile, pad=0.5, wood=0.5, gravity=(10.0, 0.0, -GRAVITY))
+    pulled = {"pad": 0.5, "wood": 0.5, "gravity": (10.0, 0.0, -GRAVITY)}
+    found = play(plate_on_a_box(0.5), (path,), 60, profile, **pulled)
     assert np.ptp(found.position[-60:, 2], axis=0).max() < 1e-9
     assert mean_force(found, 0, 2, 2, 1.9) == pytest.approx(50 + GRAVITY, rel=1e-6)
 

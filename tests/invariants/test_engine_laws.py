@@ -26,18 +26,9 @@ OTHERS = [name for name in ENGINES if name != "reference"]
 
 def thrown(speed: float, gap: float, e: float, gravity: float = 0.0, duration: float = 1.0) -> Scenario:
     """A ball `gap` over a floor, on its way down."""
-    return Scenario(
-        name="thrown",
-        summary="a test",
-        tags=(),
-        bodies=(
-            slab("floor", "wood"),
-            ball("ball", "wood", RADIUS, 1.0, (0.0, 0.0, RADIUS + gap), (0.0, 0.0, -speed)),
-        ),
-        coefficients=(PairCoefficients("wood", "wood", e, 0.5),),
-        duration=duration,
-        gravity=(0.0, 0.0, -gravity),
-    )
+    moving = ball("ball", "wood", RADIUS, 1.0, (0.0, 0.0, RADIUS + gap), (0.0, 0.0, -speed))
+    given = (slab("floor", "wood"), moving), duration, (PairCoefficients("wood", "wood", e, 0.5),)
+    return Scenario("thrown", "a test", (), *given, gravity=(0.0, 0.0, -gravity))
 
 
 def path(engine, scenario, dt, steps, body=1, profile="recommended"):

@@ -7,13 +7,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from pushing import play
+from pushing import play, worst
 
 from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.recording import Recording
 from touchstone.reference_impl import frame
 from touchstone.reference_impl.kinematics.skeleton import joint_space_inertia, pose_links
-from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.avatar.tracking import ease, sample
 from touchstone.scenarios.catalogue import catalogue
@@ -51,12 +50,6 @@ def played(name: str, profile: str) -> tuple[Scenario, Recording]:
     )
     scene = replace(scene, trackers=(longer,), duration=scene.duration + STILL)
     return scene, play(scene, profile)
-
-
-def worst(scene: Scenario, recording: Recording, metric: str) -> float:
-    """Largest finite value of a metric."""
-    values = METRICS[metric].measure(Context(recording, scene)).values()
-    return float(np.nanmax([getattr(value, "value", value) for value in values]))
 
 
 @pytest.mark.parametrize("profile", PROFILES)
@@ -101,56 +94,26 @@ def paddles(angle: float) -> Scenario:
     root, paddle, half = (0.02, 0.02, 0.02), (0.03, 0.01, 0.05), (0.03, 0.03, 0.03)
     for side, name in ((1, "left"), (-1, "right")):
         hanging = Piece("paddle", Box(paddle), position=(0.0, 0.0, -0.05))
+        link, hinge = f"{name}_paddle", f"{name}_hinge"
+        massive = {"mass": 0.3, "inertia": box_inertia(0.3, paddle), "center_of_mass": (0.0, 0.0, -0.05)}
         bodies += [
-            Body(
-                name, "driven", "wood", (Piece("root", Box(root)),), mass=1.0, inertia=box_inertia(1.0, root)
-            ),
-            Body(
-                f"{name}_paddle",
-                "driven",
-                "wood",
-                (hanging,),
-                mass=0.3,
-                inertia=box_inertia(0.3, paddle),
-                center_of_mass=(0.0, 0.0, -0.05),
-            ),
+            Body(name, "driven", "wood", (Piece("root", Box(root)),), 1.0, inertia=box_inertia(1.0, root)),
+            Body(link, "driven", "wood", (hanging,), **massive),
         ]
-        joints.append(
-            Joint(
-                f"{name}_hinge",
-                name,
-                f"{name}_paddle",
-                (0.0, 0.0, -0.03),
-                (1.0, 0.0, 0.0),
-                IDENTITY,
-                -1.5,
-                1.5,
-            )
-        )
-        chains.append(Chain(f"{name}_chain", (f"{name}_hinge",)))
-        trackers.append(
-            Tracker(
-                name,
-                (f"{name}_hinge",),
-                tuple(times.tolist()),
-                tuple((0.0, side * 0.045, 0.145 + 0.2 * float(u)) for u in up),
-                (IDENTITY,) * len(times),
-                tuple((-side * angle * float(c),) for c in close),
-                stiffness=4000.0,
-                damping=2 * (4000.0 * 1.3) ** 0.5,
-            )
-        )
-    return Scenario(
-        name="paddles",
-        summary="",
-        tags=(),
-        bodies=(slab("ground", "wood"), *bodies, block("box", "wood", half, 0.2, (0.0, 0.0, half[2]))),
-        joints=tuple(joints),
-        chains=tuple(chains),
-        trackers=tuple(trackers),
-        coefficients=(PairCoefficients("wood", "wood", 0.0, 0.6),),
-        duration=float(times[-1]),
+        joints.append(Joint(hinge, name, link, (0.0, 0.0, -0.03), (1.0, 0.0, 0.0), IDENTITY, -1.5, 1.5))
+        chains.append(Chain(f"{name}_chain", (hinge,)))
+        places = tuple((0.0, side * 0.045, 0.145 + 0.2 * float(u)) for u in up)
+        turned = (IDENTITY,) * len(times), tuple((-side * angle * float(c),) for c in close)
+        coupling = {"stiffness": 4000.0, "damping": 2 * (4000.0 * 1.3) ** 0.5}
+        trackers.append(Tracker(name, (hinge,), tuple(times.tolist()), places, *turned, **coupling))
+    box = block("box", "wood", half, 0.2, (0.0, 0.0, half[2]))
+    given = (
+        (slab("ground", "wood"), *bodies, box),
+        float(times[-1]),
+        (PairCoefficients("wood", "wood", 0.0, 0.6),),
     )
+    driven = {"joints": tuple(joints), "chains": tuple(chains), "trackers": tuple(trackers)}
+    return Scenario("paddles", "", (), *given, **driven)
 
 
 @pytest.mark.parametrize("profile", PROFILES)

@@ -61,27 +61,19 @@ def shaken(kind: str, seed: int, rate: int) -> tuple[Scenario, Array, Array]:
     times = np.linspace(0, 1.5, 181).tolist()
     posed = (tuple(times), tuple(map(place, times)), (IDENTITY,) * 181, ((),) * 181)
     names = [f"layer{k}" for k in range(len(mass) + 1)]
-    scene = Scenario(
-        name="shaken",
-        summary="",
-        tags=(),
-        bodies=(
-            Body("platform", "prescribed", names[0], (Piece("platform", Box((1.0, 1.0, 0.05))),)),
-            *(
-                block(f"load{k}", names[k + 1], half, m, (0, 0, (2 * k + 1) * half[2]))
-                for k, m in enumerate(mass)
-            ),
-        ),
-        trackers=(Tracker("platform", (), *posed, interpolation="cubic"),),
-        coefficients=tuple(
-            PairCoefficients(one, two, 0.0, friction[min(a, len(mass) - 1)])
-            for a, one in enumerate(names)
-            for two in names[a + 1 :]
-        ),
-        duration=1.0,
-        gravity=(leaning * np.cos(way), leaning * np.sin(way), -GRAVITY * np.cos(lean)),
-        frame_rate=rate,
-    )  # fmt: skip
+    loads = (
+        block(f"load{k}", names[k + 1], half, m, (0, 0, (2 * k + 1) * half[2])) for k, m in enumerate(mass)
+    )
+    platform = Body("platform", "prescribed", names[0], (Piece("platform", Box((1.0, 1.0, 0.05))),))
+    pairs = tuple(
+        PairCoefficients(one, two, 0.0, friction[min(a, len(mass) - 1)])
+        for a, one in enumerate(names)
+        for two in names[a + 1 :]
+    )
+    tracker = Tracker("platform", (), *posed, interpolation="cubic")
+    gravity = (leaning * np.cos(way), leaning * np.sin(way), -GRAVITY * np.cos(lean))
+    fields = {"trackers": (tracker,), "gravity": gravity, "frame_rate": rate}
+    scene = Scenario("shaken", "", (), (platform, *loads), 1.0, pairs, **fields)
     return scene, mass, friction
 
 

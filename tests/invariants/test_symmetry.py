@@ -53,19 +53,11 @@ def farthest(one: dict[str, np.ndarray], two: dict[str, np.ndarray]) -> float:
 def tumbling(count: int, seed: int) -> Scenario:
     """Boxes thrown at a floor with spin: e = 0.3, mu = 0.5, 1.2 s."""
     rng = np.random.default_rng(seed)
-    boxes = [
-        block(
-            f"box_{k}",
-            "wood",
-            (0.05, 0.04, 0.03),
-            1.0,
-            (0.11 * k, 0.02 * k, 0.2 + 0.05 * k),
-            random_orientation(rng),
-            velocity=vector(rng.normal(size=3) * 0.5),
-            spin=vector(rng.normal(size=3) * 5),
-        )
-        for k in range(count)
-    ]
+    boxes = []
+    for k in range(count):
+        place, turn = (0.11 * k, 0.02 * k, 0.2 + 0.05 * k), random_orientation(rng)
+        thrown = {"velocity": vector(rng.normal(size=3) * 0.5), "spin": vector(rng.normal(size=3) * 5)}
+        boxes.append(block(f"box_{k}", "wood", (0.05, 0.04, 0.03), 1.0, place, turn, **thrown))
     coefficients = (PairCoefficients("wood", "wood", 0.3, 0.5),)
     return Scenario("tumbling", "a test", (), (slab("floor", "wood"), *boxes), 1.2, coefficients)
 

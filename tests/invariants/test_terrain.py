@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from math import cos, sin
 
 import numpy as np
@@ -28,40 +29,15 @@ from touchstone.scenarios.solids import ball, block, capsule, cylinder, slab
 from touchstone.scenarios.triangle_mesh import TriangleMesh, solid_below
 
 LYING = (2**-0.5, 2**-0.5, 0.0, 0.0)
+FLAT, ROUND = (-0.8, 0.1, 0.05), (0.05, 0.1, 1.0, (-0.8, 0.0, 0.05), LYING)
 MOVING = {
     "ball rolls": ball("body", "wood", 0.1, 1.0, (-0.8, 0.03, 0.1), (1.0, 0.2, 0.0), (-2.0, 10.0, 0.0)),
     "ball slides": ball("body", "wood", 0.1, 1.0, (-0.8, 0.03, 0.1), (1.5, 0.2, 0.0), (0.0, 0.0, 20.0)),
     "box slides": block(
-        "body",
-        "wood",
-        (0.1, 0.07, 0.05),
-        1.0,
-        (-0.8, 0.1, 0.05),
-        velocity=(2.0, 0.3, 0.0),
-        spin=(0.0, 0.0, 3.0),
+        "body", "wood", (0.1, 0.07, 0.05), 1.0, FLAT, velocity=(2.0, 0.3, 0.0), spin=(0, 0, 3.0)
     ),
-    "capsule rolls": capsule(
-        "body",
-        "wood",
-        0.05,
-        0.1,
-        1.0,
-        (-0.8, 0.0, 0.05),
-        LYING,
-        velocity=(1.0, 0.2, 0.0),
-        spin=(0.0, 20.0, 3.0),
-    ),
-    "cylinder rolls": cylinder(
-        "body",
-        "wood",
-        0.05,
-        0.1,
-        1.0,
-        (-0.8, 0.0, 0.05),
-        LYING,
-        velocity=(1.0, 0.0, 0.0),
-        spin=(0.0, 20.0, 0.0),
-    ),
+    "capsule rolls": capsule("body", "wood", *ROUND, velocity=(1.0, 0.2, 0.0), spin=(0.0, 20.0, 3.0)),
+    "cylinder rolls": cylinder("body", "wood", *ROUND, velocity=(1.0, 0.0, 0.0), spin=(0.0, 20.0, 0.0)),
 }
 """Bodies on the plane z = 0."""
 SEEDS = range(3)
@@ -92,6 +68,12 @@ def mesh(rng: np.random.Generator) -> tuple[Piece, ...]:
     return solid_below(grid(rng), -0.3).pieces()
 
 
+@cache
+def on_a_slab(name: str) -> np.ndarray:
+    """Positions over a level slab."""
+    return end_of(slab("floor", "wood"), MOVING[name], Rotation.identity(), 1.2)
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("triangles", [columns, mesh])
 @pytest.mark.parametrize("name", MOVING)
@@ -101,24 +83,16 @@ def test_triangles_in_a_plane_are_the_plane(
     """Positions are those over a slab to a nanometre: no seam stops, lifts or turns a body."""
     floor = Body("floor", "fixed", "wood", triangles(np.random.default_rng(seed)))
     turn = Rotation.identity() if seed == 0 else Rotation.random(random_state=seed)
-    expected = end_of(slab("floor", "wood"), MOVING[name], Rotation.identity(), 1.2)
-    assert np.abs(end_of(floor, MOVING[name], turn, 1.2) - expected).max() < 1e-9
+    assert np.abs(end_of(floor, MOVING[name], turn, 1.2) - on_a_slab(name)).max() < 1e-9
 
 
 RAMP, LENGTH, STANDING = 0.15, 2.0, (-0.5, 0.1, 0.1)
 """Angle [rad] and length [m] of a ramp whose foot is at x = 0, and the start of what slides to it [m]."""
+AHEAD, TURNED = {"velocity": (2.0, 0.0, 0.0)}, (cos(0.2), 0.0, 0.0, sin(0.2))
 CLIMBING = {
-    "box": block("body", "wood", (0.1, 0.07, 0.1), 1.0, STANDING, velocity=(2.0, 0.0, 0.0)),
-    "turned box": block(
-        "body",
-        "wood",
-        (0.1, 0.07, 0.1),
-        1.0,
-        STANDING,
-        (cos(0.2), 0.0, 0.0, sin(0.2)),
-        velocity=(2.0, 0.0, 0.0),
-    ),
-    "cylinder": cylinder("body", "wood", 0.07, 0.1, 1.0, STANDING, velocity=(2.0, 0.0, 0.0)),
+    "box": block("body", "wood", (0.1, 0.07, 0.1), 1.0, STANDING, **AHEAD),
+    "turned box": block("body", "wood", (0.1, 0.07, 0.1), 1.0, STANDING, TURNED, **AHEAD),
+    "cylinder": cylinder("body", "wood", 0.07, 0.1, 1.0, STANDING, **AHEAD),
 }
 
 
@@ -139,14 +113,11 @@ def ramp(kind: str) -> Body:
 def test_what_slides_to_a_ramp_climbs_it(name: str, kind: str) -> None:
     """Without friction and restitution, the impacts at the foot take at most twice the energy that a point
     loses there, whose velocity along the ramp's normal ends."""
-    scene = Scenario(
-        name="test",
-        summary="a test",
-        tags=(),
-        bodies=(slab("floor", "wood"), ramp(kind), CLIMBING[name]),
-        duration=0.6,
-        coefficients=(PairCoefficients("wood", "wood", 0.0, 0.0),),
+    bodies, smooth = (
+        (slab("floor", "wood"), ramp(kind), CLIMBING[name]),
+        PairCoefficients("wood", "wood", 0.0, 0.0),
     )
+    scene = Scenario("test", "a test", (), bodies, 0.6, (smooth,))
     recording = record(load("reference"), scene, Settings("balanced", 1 / 60))
     v, height = recording.linear_velocity[-1, 2], recording.position[-1, 2, 2] - STANDING[2]
     lost = 2.0**2 / 2 - (v @ v / 2 + GRAVITY * height)

@@ -38,7 +38,8 @@ def hits(registry, scene):
 @pytest.mark.parametrize("profile", SWEPT)
 @pytest.mark.parametrize("ball", BALLS)
 def test_a_ball_flies_on_its_parabola_until_it_is_hit(registry, scene, hits, profile, ball):
-    """Follow the closed form in every frame before the first contact."""
+    """Follow the closed form in every frame before the first contact, and leave the hand with e times the
+    speed of approach, at the first touch of each."""
     recording, body = registry.played("volley", "reference", profile), scene.body_index(ball)
     t = recording.time[recording.time <= hits(profile, ball)["time"].min()][:, None]
     start = scene.bodies[body]
@@ -46,12 +47,6 @@ def test_a_ball_flies_on_its_parabola_until_it_is_hit(registry, scene, hits, pro
     assert len(t) > 20
     # exact for constant forces: rounding over the frames
     np.testing.assert_allclose(recording.position[: len(t), body], arc, atol=1e-12)
-
-
-@pytest.mark.parametrize("profile", SWEPT)
-@pytest.mark.parametrize("ball", BALLS)
-def test_a_hit_obeys_newtons_law(scene, hits, profile, ball):
-    """Leave the hand with e times the speed of approach, at the first touch of each."""
     first = hits(profile, ball)[0]
     before, after = (
         (first[f"velocity_b_{moment}"] - first[f"velocity_a_{moment}"]) @ first["normal"]
@@ -72,8 +67,9 @@ def test_the_balls_momenta_balance(registry, scene, profile):
 
 
 @pytest.mark.parametrize("profile", SWEPT)
-def test_the_hand_is_held_back_by_the_wall_when_it_hits(registry, scene, profile):
-    """Show the arm another posture than its tracker has, at the moment of the second hit."""
+def test_the_arm_hits_as_fast_as_it_moves_and_is_held_back_by_the_wall(registry, scene, hits, profile):
+    """Meet the first ball with the speed of the hand by its tracker; show the arm another posture than its
+    tracker has, at the moment of the second hit."""
     recording = registry.played("volley", "reference", profile)
     frame = round(HITS[1][0] * scene.frame_rate) - 2
     tracked = sample(scene.trackers[0], recording.time[frame : frame + 1]).angle[0]
@@ -81,11 +77,6 @@ def test_the_hand_is_held_back_by_the_wall_when_it_hits(registry, scene, profile
     arm = [k for k, name in enumerate(scene.trackers[0].joints) if name.startswith("right_")]
     assert away[arm].max() > 5e-3
     assert away.max() == away[arm].max()
-
-
-@pytest.mark.parametrize("profile", SWEPT)
-def test_the_arm_hits_as_fast_as_it_moves(scene, hits, profile):
-    """Meet the first ball with the speed of the hand by its tracker."""
     first = hits(profile, BALLS[0])[0]
     times = float(first["time"]) + np.array((-1.0, 1.0)) / 240
     place, _ = tracked_poses(scene, scene.trackers[0], times)

@@ -91,15 +91,5 @@ LYING = quaternion(0.0, np.pi / 2, 0.0)
 
 def capsule(position, orientation=LYING, **fields) -> Body:
     """A capsule of 1 kg, radius 5 cm and half length 15 cm."""
-    shape, inertia = (Piece("capsule", Capsule(0.05, 0.15)),), capsule_inertia(1.0, 0.05, 0.15)
-    return Body(
-        "capsule",
-        "simulated",
-        "wood",
-        shape,
-        1.0,
-        inertia=inertia,
-        position=position,
-        orientation=orientation,
-        **fields,
-    )
+    fields |= {"position": position, "orientation": orientation, "inertia": capsule_inertia(1.0, 0.05, 0.15)}
+    return Body("capsule", "simulated", "wood", (Piece("capsule", Capsule(0.05, 0.15)),), 1.0, **fields)

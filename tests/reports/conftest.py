@@ -1,5 +1,6 @@
 """The program called in an empty folder; recordings whose metrics are known in closed form."""
 
+import multiprocessing
 import shlex
 import sys
 from io import StringIO
@@ -7,8 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from forked_children import fork_children
 from rich.console import Console
 
+from touchstone.adapters.workers import process
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.views.render import print_parts
@@ -21,11 +24,19 @@ SLOWEST = 1e-3
 """Speed of the slowest bounce [m/s]."""
 
 
+@pytest.fixture(scope="module", autouse=True)
+def all_forked():
+    """Fork child processes, those of fixtures of a module too."""
+    with pytest.MonkeyPatch.context() as patch:
+        fork_children(patch)
+        yield
+
+
 @pytest.fixture(autouse=True)
-def spawned_where_marked(request):
-    """Fork child processes, but in tests that are marked `spawned`."""
-    if request.node.get_closest_marker("spawned") is None:
-        request.getfixturevalue("forked")
+def spawned_where_marked(request, monkeypatch):
+    """Spawn child processes in tests that are marked `spawned`."""
+    if request.node.get_closest_marker("spawned"):
+        monkeypatch.setattr(process, "multiprocessing", multiprocessing)
 
 
 @pytest.fixture

@@ -1,4 +1,7 @@
-"""Truths of mechanisms against closed forms, conservation laws, other coordinates and another library."""
+"""Truths of mechanisms against closed forms, conservation laws, other coordinates and another library.
+
+A test of one scene has its name as a parameter: the worker that runs all tests of it integrates it once.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -105,11 +108,12 @@ def test_energy_is_kept(name: str) -> None:
 
 
 @pytest.mark.parametrize("degrees", [30, 90, 150])
-def test_a_pendulum_has_the_period_of_the_elliptic_integral(degrees: int) -> None:
+@pytest.mark.parametrize("name", ["pendulums"])
+def test_a_pendulum_has_the_period_of_the_elliptic_integral(name: str, degrees: int) -> None:
     """Pass the lowest place after a quarter of a period, and come back after a whole one."""
-    scene, name = catalogue()["pendulums"], f"bob_{degrees}"
+    scene, bob = catalogue()[name], f"bob_{degrees}"
     quarters = PERIOD * np.array([0.0, 0.25, 0.5, 1.0])
-    found = motion(scene, next(truth for truth in scene.truths if truth.body == name), quarters)
+    found = motion(scene, next(truth for truth in scene.truths if truth.body == bob), quarters)
     start = found.position[0] - (0.0, found.position[0, 1], 0.0)
     places = found.position - (0.0, found.position[0, 1], 0.0)
     expected = [start, (0.0, 0.0, -np.linalg.norm(start)), start * (-1.0, 1.0, 1.0), start]
@@ -119,9 +123,10 @@ def test_a_pendulum_has_the_period_of_the_elliptic_integral(degrees: int) -> Non
     assert arm + 2 / 5 * radius**2 / arm == pytest.approx(pendulum_length(np.radians(degrees)), rel=1e-12)
 
 
-def test_a_spherical_pendulum_keeps_its_angular_momentum_about_the_vertical() -> None:
+@pytest.mark.parametrize("name", ["spherical_pendulum"])
+def test_a_spherical_pendulum_keeps_its_angular_momentum_about_the_vertical(name: str) -> None:
     """Keep the vertical part of the angular momentum about the joint, and the two turning heights."""
-    scene, found = catalogue()["spherical_pendulum"], truth_of("spherical_pendulum", "bob")
+    scene, found = catalogue()[name], truth_of(name, "bob")
     body = scene.bodies[0]
     spin = body.inertia[0][0] * found.angular_velocity
     vertical = (spin + body.mass * np.cross(found.position, found.velocity))[:, 2]
@@ -129,9 +134,10 @@ def test_a_spherical_pendulum_keeps_its_angular_momentum_about_the_vertical() ->
     assert np.ptp(found.position[:, 2]) > 0.3
 
 
-def test_a_spring_with_a_damper_swings_by_its_closed_form() -> None:
+@pytest.mark.parametrize("name", ["slider_spring"])
+def test_a_spring_with_a_damper_swings_by_its_closed_form(name: str) -> None:
     """Follow q = q_0 (1 - exp(-d t) (cos w t + d / w sin w t)) with q_0 = m g sin / k."""
-    scene, found = catalogue()["slider_spring"], truth_of("slider_spring", "block")
+    scene, found = catalogue()[name], truth_of(name, "block")
     joint, mass = scene.body_joints[0], scene.bodies[0].mass
     d = joint.damping / (2 * mass)
     w, t = np.sqrt(joint.stiffness / mass - d**2), frames(scene)
@@ -140,9 +146,10 @@ def test_a_spring_with_a_damper_swings_by_its_closed_form() -> None:
     np.testing.assert_allclose(found.position @ np.array(joint.axis), expected, atol=1e-13)
 
 
-def test_a_motor_is_bound_by_its_largest_torque() -> None:
+@pytest.mark.parametrize("name", ["motor_hinge"])
+def test_a_motor_is_bound_by_its_largest_torque(name: str) -> None:
     """Speed up evenly while the torque is at its bound, then approach the target exponentially."""
-    scene, found = catalogue()["motor_hinge"], truth_of("motor_hinge", "wheel")
+    scene, found = catalogue()[name], truth_of(name, "wheel")
     joint, moment = scene.body_joints[0], scene.bodies[0].inertia[2][2]
     free = joint.target_rate - joint.largest_force / joint.damping
     until, t = free * moment / joint.largest_force, frames(scene)
@@ -153,12 +160,13 @@ def test_a_motor_is_bound_by_its_largest_torque() -> None:
     np.testing.assert_allclose(found.angular_velocity @ np.array(joint.axis), expected, atol=1e-10)
 
 
-def test_a_hinged_pair_keeps_both_momenta() -> None:
+@pytest.mark.parametrize("name", ["hinged_pair"])
+def test_a_hinged_pair_keeps_both_momenta(name: str) -> None:
     """Keep the linear and the angular momentum of two rods without outer forces."""
-    scene = catalogue()["hinged_pair"]
+    scene = catalogue()[name]
     linear, angular = np.zeros((len(frames(scene)), 3)), np.zeros((len(frames(scene)), 3))
     for body in scene.bodies:
-        found = truth_of("hinged_pair", body.name)
+        found = truth_of(name, body.name)
         turn = Rotation.from_quat(found.orientation, scalar_first=True)
         linear += body.mass * found.velocity
         angular += body.mass * np.cross(found.position, found.velocity)
@@ -168,13 +176,14 @@ def test_a_hinged_pair_keeps_both_momenta() -> None:
     np.testing.assert_allclose(angular, np.tile(angular[0], (len(angular), 1)), atol=1e-11)
 
 
-def test_a_double_pendulum_follows_lagranges_equations() -> None:
+@pytest.mark.parametrize("name", ["double_pendulum"])
+def test_a_double_pendulum_follows_lagranges_equations(name: str) -> None:
     """Match an integration in two angles from the horizontal, rods of one length and mass.
 
     With a, b the angles of the rods: L = m l^2 (2/3 a'^2 + 1/6 b'^2 + 1/2 a' b' cos(a - b)) - m g l (3/2
     sin a + 1/2 sin b).
     """
-    scene = catalogue()["double_pendulum"]
+    scene = catalogue()[name]
     g = GRAVITY / 0.5
 
     def rate(_: float, y: np.ndarray) -> np.ndarray:
@@ -196,14 +205,15 @@ def test_a_double_pendulum_follows_lagranges_equations() -> None:
     ends = np.cumsum([0.5 * np.array([np.cos(x), 0 * x, np.sin(x)]) for x in run.y[:2]], axis=0)
     expected = [ends[0] / 2, (ends[0] + ends[1]) / 2]
     for k in range(2):
-        found = truth_of("double_pendulum", f"link_{k + 1}")
+        found = truth_of(name, f"link_{k + 1}")
         # the error of 1e-12 grows by what neighbouring motions part
         np.testing.assert_allclose(found.position, expected[k].T, atol=1e-9)
 
 
-def test_geared_pendulums_follow_one_coordinate() -> None:
+@pytest.mark.parametrize("name", ["geared_pendulums"])
+def test_geared_pendulums_follow_one_coordinate(name: str) -> None:
     """With the angle of the long one as the only coordinate: I a'' = the moments of both weights."""
-    scene = catalogue()["geared_pendulums"]
+    scene = catalogue()[name]
     inertia, arms = 0.0, []
     for body, joint, ratio in zip(scene.bodies, scene.body_joints, (1.0, GEAR)):
         arm = np.subtract(body.position, joint.anchor)
@@ -219,16 +229,17 @@ def test_geared_pendulums_follow_one_coordinate() -> None:
         0
     ]
     assert np.ptp(angle) > 1
-    for name, ratio in (("long", 1.0), ("short", GEAR)):
-        found = angle_of(truth_of("geared_pendulums", name))
+    for bob, ratio in (("long", 1.0), ("short", GEAR)):
+        found = angle_of(truth_of(name, bob))
         np.testing.assert_allclose(found, ratio * angle, atol=INTEGRATED)
 
 
-def test_parallelograms_swing_as_a_simple_pendulum() -> None:
+@pytest.mark.parametrize("name", ["n_bar"])
+def test_parallelograms_swing_as_a_simple_pendulum(name: str) -> None:
     """Match the pendulum whose length is that of all rods, although the loops are redundant."""
     arms, bars = WINDOWS + 1, WINDOWS
     length = SIDE * (arms / 3 + bars) / (arms / 2 + bars)
-    scene, found = catalogue()["n_bar"], truth_of("n_bar", "arm_1")
+    scene, found = catalogue()[name], truth_of(name, "arm_1")
     run = solve_ivp(
         lambda _, y: (y[1], -GRAVITY / length * np.sin(y[0])),
         (0, scene.duration), (0.0, 6.0), "DOP853", frames(scene), rtol=1e-13, atol=1e-14,
@@ -236,9 +247,10 @@ def test_parallelograms_swing_as_a_simple_pendulum() -> None:
     np.testing.assert_allclose(angle_of(found), run.y[0], atol=1e-9)
 
 
-def test_a_four_bar_loop_closes() -> None:
+@pytest.mark.parametrize("name", ["four_bar"])
+def test_a_four_bar_loop_closes(name: str) -> None:
     """Turn the rocker as the law of cosines says for the crank's angle."""
-    crank, rocker = (angle_of(truth_of("four_bar", name)) for name in ("crank", "rocker"))
+    crank, rocker = (angle_of(truth_of(name, body)) for body in ("crank", "rocker"))
 
     def turned(angle: float) -> float:
         """Direction of the rocker's end, seen from its anchor, for a direction of the crank."""
@@ -252,12 +264,13 @@ def test_a_four_bar_loop_closes() -> None:
     np.testing.assert_allclose(np.unwrap(-rocker), np.unwrap(expected), atol=1e-9)
 
 
-def test_a_slider_crank_moves_its_piston_in_closed_form() -> None:
+@pytest.mark.parametrize("name", ["slider_crank"])
+def test_a_slider_crank_moves_its_piston_in_closed_form(name: str) -> None:
     """Place the piston at r cos a + sqrt(l^2 - r^2 sin^2 a)."""
-    scene = catalogue()["slider_crank"]
-    a = np.radians(30.0) - angle_of(truth_of("slider_crank", "crank"))
+    scene = catalogue()[name]
+    a = np.radians(30.0) - angle_of(truth_of(name, "crank"))
     x = 0.2 * np.cos(a) + np.sqrt(0.6**2 - (0.2 * np.sin(a)) ** 2)
-    np.testing.assert_allclose(truth_of("slider_crank", "piston").position[:, 0], x, atol=1e-10)
+    np.testing.assert_allclose(truth_of(name, "piston").position[:, 0], x, atol=1e-10)
     assert np.ptp(x) == pytest.approx(0.4, abs=0.01)
     assert scene.body_joints[-1].type == "slider"
 
@@ -335,11 +348,11 @@ def test_a_chain_hangs_in_equilibrium() -> None:
         assert np.abs(rate).max() < 1e-9 * GRAVITY
 
 
-def test_the_squeezer_ends_as_published() -> None:
+@pytest.mark.parametrize("name", ["squeezer"])
+def test_the_squeezer_ends_as_published(name: str) -> None:
     """Reach the published angles of the IVP test set, extrapolated to a strut without mass."""
     found = []
-    for strut in (STRUT, 2 * STRUT):
-        scene = squeezer(strut)
+    for scene in (catalogue()[name], squeezer(2 * STRUT)):
         found.append([motion(scene, truth, np.array([3.0])).position[0] for truth in scene.truths[:7]])
     ends = np.array([(SIZE * x, 0.0, SIZE * z) for x, z in places(END)[1].values()])
     ends[:, 1] = [body.position[1] for body in scene.bodies[:7]]

@@ -125,7 +125,7 @@ def impact(slip: float, speed: float, mu: float, e: float) -> float:
     part, v = (1 + e) * speed / steps, 0.0
     for _ in range(steps):
         # friction of a part ends the slip, which changes by 1 + 5/2 of it, at most
-        v -= float(np.clip((slip + 7 / 2 * v) / (7 / 2), -mu * part, mu * part))
+        v -= max(-mu * part, min((slip + 7 / 2 * v) / (7 / 2), mu * part))
     return v
 
 
@@ -235,7 +235,7 @@ def rod_impact(case: Scenario, law: str) -> float:
         along, down = slip()
         # what stops the slip in this part, with the normal impulse that acts too
         stop = along + (-low[2] * low[0] / moment) * part
-        brake = np.clip(-stop / (1 + low[2] ** 2 / moment), -mu * part, mu * part)
+        brake = max(-mu * part, min(-stop / (1 + low[2] ** 2 / moment), mu * part))
         v = v + (brake, 0.0, part)
         w += (low[2] * brake - low[0] * part) / moment
         after = slip()[1]

@@ -40,8 +40,10 @@ from touchstone.scenarios.truths.force_truth import ForceTruth
 
 
 def test_a_sound_scenario_is_accepted() -> None:
-    """Accept the scenario that all the faulty ones differ from."""
+    """Accept the scenarios that all the faulty ones differ from."""
     assert Scenario(**sound()).frame_count == 60
+    assert Scenario(**with_ball()).chains
+    assert Scenario(**prescribed()).trackers
 
 
 TOP = [
@@ -89,29 +91,30 @@ BODY = [
     (1, {"inertia": ((1, 0, 0), (0, 1, 0), (0, 0, 3))}, "bodies[1].inertia", "triangle inequality"),
     (2, {"position": (0.0, 0.0, 1.0)}, "bodies[2].position", "by its tracker"),
 ]
+SHAPED = "bodies[0].pieces[0].shape"
 SHAPE = [
-    (Sphere(0.0), "radius", "positive"),
-    (Sphere(nan), "radius", "nan"),
-    (Box((1.0, -1.0, 1.0)), "half_extents", "positive"),
-    (Box((1.0, 1.0)), "half_extents", "found 2 numbers"),
-    (Capsule(0.0, 1.0), "radius", "positive"),
-    (Capsule(1.0, -1.0), "half_length", "positive"),
-    (Cylinder(0.0, 1.0), "radius", "positive"),
-    (Cylinder(1.0, inf), "half_length", "inf"),
-    (Cone(1.0, 0.0), "half_length", "positive"),
-    (RoundedBox((1.0, 1.0, 0.0), 1.0), "half_extents", "positive"),
-    (RoundedBox((1.0, 1.0, 1.0), -1.0), "radius", "positive"),
-    (RoundedBox((1.0, 1.0, 1e-14), 1.0), "half_extents", "degenerate"),
-    (Box((1.0, 1.0, 1e-16)), "half_extents", "found 1e-16, expected numbers of at least 1e-15"),
-    (RoundedHull(CUBE[:3], 1.0), "vertices", "at least 4"),
-    (Ellipsoid((1.0, 0.0, 1.0)), "half_axes", "positive"),
-    (Hull(CUBE[:3]), "vertices", "at least 4"),
-    (Hull(((nan, 0.0, 0.0), *CUBE)), "vertices[0]", "nan"),
-    (Hull((*CUBE, (0.5, 0.5, 0.5))), "vertices", "not convex: vertices [8]"),
-    (Hull((*CUBE, CUBE[0])), "vertices", "repeated"),
-    (Hull(CUBE[:4]), "vertices", "degenerate"),
-    (Hull(tuple((1e-16 * x, 1e-16 * y, 1e-16 * z) for x, y, z in CUBE)), "vertices", "of at least 1e-15"),
-    (Hull(tuple((x, y, 1e-9 * z) for x, y, z in CUBE)), "vertices", "degenerate"),
+    (Sphere(0.0), ".radius", "positive"),
+    (Sphere(nan), ".radius", "nan"),
+    (Box((1.0, -1.0, 1.0)), ".half_extents", "positive"),
+    (Box((1.0, 1.0)), ".half_extents", "found 2 numbers"),
+    (Capsule(0.0, 1.0), ".radius", "positive"),
+    (Capsule(1.0, -1.0), ".half_length", "positive"),
+    (Cylinder(0.0, 1.0), ".radius", "positive"),
+    (Cylinder(1.0, inf), ".half_length", "inf"),
+    (Cone(1.0, 0.0), ".half_length", "positive"),
+    (RoundedBox((1.0, 1.0, 0.0), 1.0), ".half_extents", "positive"),
+    (RoundedBox((1.0, 1.0, 1.0), -1.0), ".radius", "positive"),
+    (RoundedBox((1.0, 1.0, 1e-14), 1.0), ".half_extents", "degenerate"),
+    (Box((1.0, 1.0, 1e-16)), ".half_extents", "found 1e-16, expected numbers of at least 1e-15"),
+    (RoundedHull(CUBE[:3], 1.0), ".vertices", "at least 4"),
+    (Ellipsoid((1.0, 0.0, 1.0)), ".half_axes", "positive"),
+    (Hull(CUBE[:3]), ".vertices", "at least 4"),
+    (Hull(((nan, 0.0, 0.0), *CUBE)), ".vertices[0]", "nan"),
+    (Hull((*CUBE, (0.5, 0.5, 0.5))), ".vertices", "not convex: vertices [8]"),
+    (Hull((*CUBE, CUBE[0])), ".vertices", "repeated"),
+    (Hull(CUBE[:4]), ".vertices", "degenerate"),
+    (Hull(tuple((1e-16 * x, 1e-16 * y, 1e-16 * z) for x, y, z in CUBE)), ".vertices", "of at least 1e-15"),
+    (Hull(tuple((x, y, 1e-9 * z) for x, y, z in CUBE)), ".vertices", "degenerate"),
     (
         SimpleNamespace(),
         "",
@@ -182,66 +185,6 @@ EXPECTATION = [
 ]
 
 
-@pytest.mark.parametrize(("change", "path", "message"), TOP)
-def test_faults_of_the_scene(change: dict, path: str, message: str) -> None:
-    """Report what is wrong with the scene as a whole."""
-    assert message in faults_of(sound() | change)[path]
-
-
-@pytest.mark.parametrize(("index", "change", "path", "message"), BODY)
-def test_faults_of_a_body(index: int, change: dict, path: str, message: str) -> None:
-    """Report what is wrong with a body."""
-    fields = sound()
-    bodies = list(fields["bodies"])
-    bodies[index] = replace(bodies[index], **change)
-    assert message in faults_of(fields | {"bodies": tuple(bodies)})[path]
-
-
-@pytest.mark.parametrize(("shape", "field", "message"), SHAPE)
-def test_faults_of_a_shape(shape, field: str, message: str) -> None:
-    """Report what is wrong with a shape."""
-    fields = sound()
-    ground = replace(fields["bodies"][0], pieces=(Piece("slab", shape),))
-    path = "bodies[0].pieces[0].shape" + (f".{field}" if field else "")
-    assert message in faults_of(fields | {"bodies": (ground, *fields["bodies"][1:])})[path]
-
-
-@pytest.mark.parametrize(
-    ("field", "change", "path", "message"),
-    [
-        (field, *row)
-        for field, rows in (
-            ("joints", JOINT),
-            ("trackers", TRACKER),
-            ("coefficients", PAIR),
-            ("expectations", EXPECTATION),
-        )
-        for row in rows
-    ],
-)
-def test_faults_of_the_rest(field: str, change: dict, path: str, message: str) -> None:
-    """Report what is wrong with a joint, a tracker, a pair of materials, an expectation."""
-    fields = sound()
-    first, *others = fields[field]
-    assert message in faults_of(fields | {field: (replace(first, **change), *others)})[path]
-
-
-def test_two_trackers_of_one_body() -> None:
-    """Tell that two trackers pull at one body."""
-    fields = sound()
-    found = faults_of(fields | {"trackers": fields["trackers"] * 2})
-    assert "driven by trackers[0].root and trackers[1].root" in found["bodies[2]"]
-
-
-def test_pieces_of_one_body_have_names_of_their_own() -> None:
-    """Tell a piece's name that is used twice in a body."""
-    fields = sound()
-    ground = replace(fields["bodies"][0], pieces=fields["bodies"][0].pieces * 2)
-    assert (
-        "twice" in faults_of(fields | {"bodies": (ground, *fields["bodies"][1:])})["bodies[0].pieces[1].name"]
-    )
-
-
 def test_all_faults_at_once() -> None:
     """Tell faults of many kinds in one error."""
     fields = sound()
@@ -284,14 +227,6 @@ def prescribed() -> dict:
     path = Tracker("deck", (), (0.0, 0.5, 1.0), ((0.0, 0.0, 5.0),) * 3, (QUIET,) * 3, ((),) * 3)
     fields = sound()
     return fields | {"bodies": (*fields["bodies"], deck), "trackers": (*fields["trackers"], path)}
-
-
-@pytest.mark.parametrize(("change", "path", "message"), PRESCRIBED)
-def test_faults_of_a_prescribed_body(change: dict, path: str, message: str) -> None:
-    """Refuse invalid paths of prescribed bodies, and name the field."""
-    fields = prescribed()
-    first, deck = fields["trackers"]
-    assert message in faults_of(fields | {"trackers": (first, replace(deck, **change))})[path]
 
 
 def test_a_prescribed_body_needs_neither_mass_nor_partners() -> None:
@@ -387,40 +322,6 @@ def with_ball() -> dict:
     return fields | {"bodies": bodies, "joints": joints, "trackers": (arm,), "chains": (chain,)}
 
 
-@pytest.mark.parametrize(("change", "cone", "path", "message"), CHAIN)
-def test_faults_of_a_chain(change: dict, cone: dict, path: str, message: str) -> None:
-    """Name the fault of a chain or of a reach cone in it."""
-    fields = with_ball()
-    assert Scenario(**fields).chains
-    chain = replace(fields["chains"][0], cones=(replace(CONE, **cone),), **change)
-    assert message in faults_of(fields | {"chains": (chain,)})[path]
-
-
-def test_a_joint_is_in_one_chain() -> None:
-    """Tell a joint that two chains turn."""
-    fields = with_ball()
-    leg = Chain("leg", ("elbow",))
-    found = faults_of(fields | {"chains": (*fields["chains"], leg)})
-    assert found["chains[1].joints[0]"] == "'elbow' is in chains[0] already"
-
-
-@pytest.mark.parametrize(
-    ("joint", "change", "message"),
-    [
-        (1, {"position": (0.1, 0.0, 0.0)}, "origin of their parents"),
-        (1, {"axis": (0.0, 0.6, 0.8)}, "perpendicular"),
-        (2, {"axis": (0.0, 0.0, -1.0)}, "right-handed"),
-        (0, {"orientation": (0.5, 0.5, 0.5, 0.5)}, "perpendicular"),
-    ],
-)
-def test_a_ball_joint_is_three_hinges_square_to_each_other(joint: int, change: dict, message: str) -> None:
-    """Tell hinges that do not meet in a point at right angles."""
-    fields = with_ball()
-    joints = list(fields["joints"])
-    joints[joint] = replace(joints[joint], **change)
-    assert message in faults_of(fields | {"joints": tuple(joints)})["chains[0].cones[0].joints"]
-
-
 def test_a_chain_follows_its_trackers_order() -> None:
     """Tell joints of a chain between which the tracker has others."""
     fields = with_ball()
@@ -455,11 +356,59 @@ TRUTH = [
 ]
 
 
-@pytest.mark.parametrize(("change", "path", "message"), TRUTH)
-def test_faults_of_a_truth(change: dict, path: str, message: str) -> None:
-    """Name the fault of the motion of a body."""
-    truth = replace(Truth("ball", "arcs", (START,)), **change)
-    assert message in faults_of(sound() | {"truths": (truth,)})[path]
+def changed(fields: dict, field: str, index: int, change: dict) -> dict:
+    """A scenario in which some fields of one of its parts have other values."""
+    parts = list(fields[field])
+    parts[index] = replace(parts[index], **change)
+    return fields | {field: tuple(parts)}
+
+
+FIRST = {"joints": JOINT, "trackers": TRACKER, "coefficients": PAIR, "expectations": EXPECTATION}
+"""Faults of the first of each."""
+HINGES = [
+    # a ball joint is three hinges that meet in a point, square to each other
+    (1, {"position": (0.1, 0.0, 0.0)}, "origin of their parents"),
+    (1, {"axis": (0.0, 0.6, 0.8)}, "perpendicular"),
+    (2, {"axis": (0.0, 0.0, -1.0)}, "right-handed"),
+    (0, {"orientation": (0.5, 0.5, 0.5, 0.5)}, "perpendicular"),
+]
+BALL = Truth("ball", "arcs", (START,))
+SLAB = sound()["bodies"][0].pieces
+FAULTS = [
+    *((sound() | change, path, message) for change, path, message in TOP),
+    *((changed(sound(), "bodies", k, change), path, message) for k, change, path, message in BODY),
+    *(
+        (changed(sound(), "bodies", 0, {"pieces": (Piece("slab", shape),)}), f"{SHAPED}{field}", message)
+        for shape, field, message in SHAPE
+    ),
+    (changed(sound(), "bodies", 0, {"pieces": SLAB * 2}), "bodies[0].pieces[1].name", "twice"),
+    *((changed(sound(), field, 0, row[0]), *row[1:]) for field, rows in FIRST.items() for row in rows),
+    (
+        sound() | {"trackers": sound()["trackers"] * 2},
+        *("bodies[2]", "driven by trackers[0].root and trackers[1].root"),
+    ),
+    *((changed(prescribed(), "trackers", 1, change), path, message) for change, path, message in PRESCRIBED),
+    *(
+        (changed(with_ball(), "chains", 0, change | {"cones": (replace(CONE, **cone),)}), path, message)
+        for change, cone, path, message in CHAIN
+    ),
+    (
+        with_ball() | {"chains": (*with_ball()["chains"], Chain("leg", ("elbow",)))},
+        *("chains[1].joints[0]", "'elbow' is in chains[0] already"),
+    ),
+    *(
+        (changed(with_ball(), "joints", k, change), "chains[0].cones[0].joints", message)
+        for k, change, message in HINGES
+    ),
+    *((sound() | {"truths": (replace(BALL, **change),)}, path, message) for change, path, message in TRUTH),
+]
+"""Fields of a faulty scenario, path, and part of the message."""
+
+
+@pytest.mark.parametrize(("fields", "path", "message"), FAULTS)
+def test_a_fault_is_reported_at_its_path(fields: dict, path: str, message: str) -> None:
+    """Report what is wrong with a scene, a body, a shape, a joint, a tracker, a chain or a truth."""
+    assert message in faults_of(fields)[path]
 
 
 WEIGHT = ForceTruth("ground", "ball", 0.0, 1.0, 9.81)

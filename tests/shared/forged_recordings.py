@@ -209,4 +209,4 @@ def rewrite(path: Path, change: Callable[[Columns], object]) -> None:
     with np.load(path) as archive:
         columns = {name: archive[name].copy() for name in archive.files}
     change(columns)
-    np.savez_compressed(path, **columns)  # type: ignore[arg-type]
+    np.savez(path, **columns)  # type: ignore[arg-type]

@@ -1,5 +1,6 @@
 """Child processes that are forked in place of spawned, for tests that are about what children do."""
 
+import faulthandler
 import multiprocessing
 import os
 import sys
@@ -26,13 +27,19 @@ class Forks:
 
 
 def _forked(target, *args):
-    """Print to the file descriptors, which pytest replaced."""
+    """Print to the file descriptors, which pytest replaced; what it would print of a crash goes elsewhere."""
+    faulthandler.disable()
     sys.stdout, sys.stderr = (os.fdopen(k, "w", closefd=False) for k in (1, 2))
     target(*args)
+
+
+def fork_children(patch: pytest.MonkeyPatch) -> None:
+    """Fork child processes until the patch ends."""
+    forking = SimpleNamespace(**vars(multiprocessing) | {"get_context": lambda _: Forks})
+    patch.setattr(process, "multiprocessing", forking)
 
 
 @pytest.fixture
 def forked(monkeypatch):
     """Fork child processes."""
-    forking = SimpleNamespace(**vars(multiprocessing) | {"get_context": lambda _: Forks})
-    monkeypatch.setattr(process, "multiprocessing", forking)
+    fork_children(monkeypatch)

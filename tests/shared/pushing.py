@@ -6,6 +6,8 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES, load
+from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
 from touchstone.scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, person_tracker, reach
 from touchstone.scenarios.materials import TABLE_1
@@ -38,17 +40,9 @@ def person_scene(speed: float, duration: float, *bodies: Body) -> Scenario:
     parts, joints, chains = avatar_parts()
     arms = (reach(side, np.tile(np.multiply(READY, (1, side, 1)), (len(times), 1))) for side in (LEFT, RIGHT))
     places = np.column_stack((speed * times, np.zeros_like(times)))
-    return Scenario(
-        name="pushing",
-        summary="",
-        tags=(),
-        bodies=(slab("floor", "wood"), *parts, *bodies),
-        joints=joints,
-        chains=chains,
-        trackers=(person_tracker(times, places, 0.0, *arms),),
-        coefficients=TABLE_1,
-        duration=duration,
-    )
+    tracker = person_tracker(times, places, 0.0, *arms)
+    driven = {"joints": joints, "chains": chains, "trackers": (tracker,)}
+    return Scenario("pushing", "", (), (slab("floor", "wood"), *parts, *bodies), duration, TABLE_1, **driven)
 
 
 def play(scene: Scenario, profile: str = "balanced") -> Recording:
@@ -64,3 +58,9 @@ def impulse_on(recording: Recording, scene: Scenario, name: str, since: float) -
     on_b = np.isin(rows["body_a"], driven) & (rows["body_b"] == body)
     on_a = np.isin(rows["body_b"], driven) & (rows["body_a"] == body)
     return np.asarray(rows["impulse"][on_b].sum(axis=0) - rows["impulse"][on_a].sum(axis=0))
+
+
+def worst(scene: Scenario, recording: Recording, metric: str) -> float:
+    """Largest finite value of a metric."""
+    values = METRICS[metric].measure(Context(recording, scene)).values()
+    return float(np.nanmax([getattr(value, "value", value) for value in values]))

@@ -1,4 +1,4 @@
-"""What an engine refuses of the probes without driven bodies, in a child process."""
+"""What an engine refuses of the probes without driven bodies, in this process or in a child."""
 
 from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.recorder import build

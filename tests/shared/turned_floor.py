@@ -25,14 +25,7 @@ def end_of(floor: Body, body: Body, turn: Rotation, duration: float) -> np.ndarr
             angular_velocity=vector(turn.apply(one.angular_velocity)),
         )
 
-    scene = Scenario(
-        name="test",
-        summary="a test",
-        tags=(),
-        bodies=(turned(floor), turned(body)),
-        duration=duration,
-        coefficients=(PairCoefficients("wood", "wood", 0.3, 0.5),),
-        gravity=vector(turn.apply((0.0, 0.0, -GRAVITY))),
-    )
+    pairs, down = (PairCoefficients("wood", "wood", 0.3, 0.5),), vector(turn.apply((0.0, 0.0, -GRAVITY)))
+    scene = Scenario("test", "a test", (), (turned(floor), turned(body)), duration, pairs, gravity=down)
     recording = record(load("reference"), scene, Settings("balanced", 1 / 60))
     return turn.inv().apply(recording.position[:, 1])

@@ -81,13 +81,15 @@ def test_columns_play_nine_tenths_of_the_undriven_probes(name, profiles, tmp_pat
     registered(name)
     if not installed(name):
         pytest.skip(f"{name}: {missing_reason(name)}")
-    child = EngineProcess(refused, tmp_path / "output.txt")
+    child = EngineProcess(refused, tmp_path / "output.txt") if entry_of_ours(name).pins else None
     for profile in profiles:
-        found = child.ask("play", SimpleNamespace(engine=name, profile=profile))
-        assert child.failure is None
+        task = SimpleNamespace(engine=name, profile=profile)
+        found = child.ask("play", task) if child else refused(load(name), task)
+        assert child is None or child.failure is None
         assert len(found) <= LEFT_OUT * len(undriven())
         assert all(re.match(r"\w+: \w+", reason) for reason in found.values())
-    child.stop()
+    if child:
+        child.stop()
 
 
 def refused_here(name):

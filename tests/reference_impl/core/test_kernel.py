@@ -7,7 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -67,8 +67,8 @@ print(json.dumps(found))
 """
 
 
-def run(code: str, **environment: str) -> str:
-    """Standard output of Python code in a process of its own."""
+def fresh(code: str, **environment: str) -> str:
+    """Standard output of Python code in a fresh process."""
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=environment["PYTHONPATH"],  # `-c` puts the working folder before the path
@@ -79,6 +79,54 @@ def run(code: str, **environment: str) -> str:
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+FORKS = """
+import json, os, sys, traceback
+import numba.core.caching, numba.extending
+
+for line in sys.stdin:
+    code, folder, environment = json.loads(line)
+    if process := os.fork():
+        print(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), flush=True)
+        continue
+    os.chdir(folder)
+    os.environ.update(environment)
+    sys.path[0] = folder
+    for k, name in ((1, "out.txt"), (2, "err.txt")):
+        os.dup2(os.open(name, os.O_CREAT | os.O_TRUNC | os.O_WRONLY), k)
+    try:
+        exec(code, {"__name__": "__main__"})
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
+"""
+"""Runs code in forks of a process that has imported Numba, which takes most of the time of a fresh one."""
+
+
+@pytest.fixture(scope="module")
+def forks() -> Iterator[subprocess.Popen[str]]:
+    """A process that runs FORKS."""
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", FORKS], stdin=pipe, stdout=pipe, text=True) as process:
+        yield process
+        process.stdin.close()
+
+
+@pytest.fixture
+def run(forks: subprocess.Popen[str]) -> Callable[..., str]:
+    """As `fresh`, in a fork of a process in which Numba is imported, and none of our modules."""
+
+    def forked(code: str, **environment: str) -> str:
+        folder = Path(environment["PYTHONPATH"])
+        print(json.dumps((code, str(folder), environment)), file=forks.stdin, flush=True)
+        assert forks.stdout.readline() == "0\n", (folder / "err.txt").read_text()
+        return (folder / "out.txt").read_text()
+
+    return forked
 
 
 @pytest.fixture
@@ -123,7 +171,7 @@ SYMBOLS = (
 )
 
 
-def test_an_edited_inner_kernel_reaches_its_callers(package: dict[str, str]) -> None:
+def test_an_edited_inner_kernel_reaches_its_callers(run, package: dict[str, str]) -> None:
     """Compile the caller again when a kernel in another file changes, and only then."""
     assert run(CALL + COUNT, **package).split() == ["2.0", "2"]
     assert run(CALL + COUNT, **package).split() == ["2.0", "0"]
@@ -134,7 +182,7 @@ def test_an_edited_inner_kernel_reaches_its_callers(package: dict[str, str]) -> 
     assert run(CALL + COUNT, **package).split() == ["101.0", "0"]
 
 
-def test_an_edit_between_imports_stays_out_of_the_cache(package: dict[str, str]) -> None:
+def test_an_edit_between_imports_stays_out_of_the_cache(run, package: dict[str, str]) -> None:
     """Keep code that was imported after an edit out of the folder of the sources before it."""
     inner = Path(package["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
     edit = "from touchstone.reference_impl.core import kernel; import pathlib; "
@@ -146,7 +194,7 @@ def test_an_edit_between_imports_stays_out_of_the_cache(package: dict[str, str])
         assert run(CALL, **package).split() == ["2.0"]
 
 
-def test_a_named_kernel_is_called_after_a_load(named: dict[str, str]) -> None:
+def test_a_named_kernel_is_called_after_a_load(run, named: dict[str, str]) -> None:
     """Call a kernel by its symbol in the process that compiled it, and in one that loaded its caller."""
     first = run(CALL + COUNT + ";" + SYMBOLS, **named).split()
     assert first[:2] == ["2.0", "3"]
@@ -154,7 +202,7 @@ def test_a_named_kernel_is_called_after_a_load(named: dict[str, str]) -> None:
     assert run(CALL + COUNT + ";" + SYMBOLS, **named).split() == ["2.0", "0", *first[2:]]
 
 
-def test_an_edited_named_kernel_reaches_its_callers(named: dict[str, str]) -> None:
+def test_an_edited_named_kernel_reaches_its_callers(run, named: dict[str, str]) -> None:
     """Call the edited kernel, not the one that the cache holds."""
     assert run(CALL, **named).split() == ["2.0"]
     inner = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
@@ -162,7 +210,7 @@ def test_an_edited_named_kernel_reaches_its_callers(named: dict[str, str]) -> No
     assert run(CALL, **named).split() == ["101.0"]
 
 
-def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
+def test_a_kernel_may_recurse(run, named: dict[str, str]) -> None:
     """Compile a kernel that calls itself, called by another kernel."""
     inner = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
     inner.write_text(INNER.replace("return x", "if x < 3.0:\n        return inner(x + 1.0)\n    return x"))
@@ -170,7 +218,7 @@ def test_a_kernel_may_recurse(named: dict[str, str]) -> None:
         assert run(CALL, **named).split() == ["4.0"]
 
 
-def test_every_signature_has_its_symbol(named: dict[str, str]) -> None:
+def test_every_signature_has_its_symbol(run, named: dict[str, str]) -> None:
     """Give a kernel a name of its own for every signature, the same in every process."""
     middle = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "middle.py"
     middle.write_text(middle.read_text().replace("inner(x)", "inner(x) + inner(int(x))"))
@@ -202,7 +250,7 @@ def test_damage_is_noticed(tmp_path: Path, damage: str) -> None:
 
 
 @pytest.mark.parametrize("kernel", ["inner", "outer"])
-def test_a_damaged_entry_is_compiled_again(named: dict[str, str], kernel: str) -> None:
+def test_a_damaged_entry_is_compiled_again(run, named: dict[str, str], kernel: str) -> None:
     """Compile a named kernel whose file is damaged before its caller is loaded, and the caller likewise."""
     folder = Path(run(CALL + FOLDER, **named).split()[1])
     (entry,) = folder.glob(f"*{kernel}.{kernel}[.-]*.nbc")
@@ -211,7 +259,7 @@ def test_a_damaged_entry_is_compiled_again(named: dict[str, str], kernel: str) -
     assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
 
 
-def test_a_lost_or_unreadable_entry_is_compiled_again(named: dict[str, str]) -> None:
+def test_a_lost_or_unreadable_entry_is_compiled_again(run, named: dict[str, str]) -> None:
     """Compile a named kernel whose file is missing, or cannot be read, before its caller is loaded."""
     folder = Path(run(CALL + FOLDER, **named).split()[1])
     (entry,) = folder.glob("*inner.inner[.-]*.nbc")
@@ -225,7 +273,7 @@ def test_a_lost_or_unreadable_entry_is_compiled_again(named: dict[str, str]) -> 
 
 
 @pytest.mark.parametrize("call", ["write_bytes", "replace"])
-def test_a_disk_that_fills_up_ends_no_process(named: dict[str, str], call: str) -> None:
+def test_a_disk_that_fills_up_ends_no_process(run, named: dict[str, str], call: str) -> None:
     """Compile in memory when no file can be written, with one line, and leave no parts of files."""
     full = "import errno, os, pathlib, sys; sys.stderr = sys.stdout\n"
     full += (
@@ -249,7 +297,7 @@ shutil.disk_usage = lambda path: usage(path)._replace(free=free.get(Path(path).p
 """
 
 
-def test_a_full_disk_falls_back(package: dict[str, str], tmp_path: Path) -> None:
+def test_a_full_disk_falls_back(run, package: dict[str, str], tmp_path: Path) -> None:
     """Take the next folder where space is less than the kernels need, and none where all disks are full."""
     environment = {**package, "XDG_CACHE_HOME": str(tmp_path / "home")}
     ask = CALL + FOLDER + "; from touchstone.reference_impl.core import kernel_cache as c; print(c.REJECTED)"
@@ -262,7 +310,7 @@ def test_a_full_disk_falls_back(package: dict[str, str], tmp_path: Path) -> None
     assert (value, folder, rejected.count("0 MB free")) == ("2.0", "None", 3)
 
 
-def test_a_complete_folder_need_not_be_written(package: dict[str, str]) -> None:
+def test_a_complete_folder_need_not_be_written(run, package: dict[str, str]) -> None:
     """Use a folder with all kernels where its disk is full or read-only."""
     folder = Path(run(CALL + FOLDER, **package).split()[1])
     (folder / "compile_seconds.txt").write_text("1.0")
@@ -276,9 +324,9 @@ def test_a_complete_folder_need_not_be_written(package: dict[str, str]) -> None:
 def test_processes_share_a_cold_cache(named: dict[str, str]) -> None:
     """Compile the same kernels in several processes at once, each with the right answer."""
     with ThreadPoolExecutor() as pool:
-        answers = [pool.submit(run, CALL, **named) for _ in range(3)]
+        answers = [pool.submit(fresh, CALL, **named) for _ in range(3)]
         assert [one.result().split() for one in answers] == [["2.0"]] * 3
-    assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
+    assert fresh(CALL + COUNT, **named).split() == ["2.0", "0"]
 
 
 def test_numba_has_the_parts_that_naming_uses() -> None:
@@ -302,7 +350,7 @@ for one in found:
 """
 
 
-def test_kernels_are_linked_plainly_without_a_part(named: dict[str, str]) -> None:
+def test_kernels_are_linked_plainly_without_a_part(run, named: dict[str, str]) -> None:
     """Copy kernels into their callers, with one warning, where Numba lacks a part; mix no cache entries."""
     for _ in range(2):
         value, warning = run(PLAIN, **named).splitlines()
@@ -315,10 +363,10 @@ def test_kernels_are_linked_plainly_without_a_part(named: dict[str, str]) -> Non
 def test_kernels_run_uncompiled(named: dict[str, str]) -> None:
     """Leave the naming of kernels out where nothing is compiled."""
     code = CALL + "import sys; print('touchstone.reference_impl.core.kernel_linking' in sys.modules)"
-    assert run(code, NUMBA_DISABLE_JIT="1", **named).split() == ["2.0", "False"]
+    assert fresh(code, NUMBA_DISABLE_JIT="1", **named).split() == ["2.0", "False"]
 
 
-def test_constants_and_numbers_share_a_signature(package: dict[str, str]) -> None:
+def test_constants_and_numbers_share_a_signature(run, package: dict[str, str]) -> None:
     """Compile a kernel once for the constants that callers hand to it."""
     outer = Path(package["PYTHONPATH"]) / "touchstone" / "reference_impl" / "outer.py"
     outer.write_text(OUTER.replace("return inner(x)", "return inner(1) + inner(2) + inner(int(x))"))
@@ -326,7 +374,7 @@ def test_constants_and_numbers_share_a_signature(package: dict[str, str]) -> Non
     assert run(CALL + counted, **package).split() == ["7.0", "0", "1"]  # called by kernels only
 
 
-def test_an_unwritable_cache_falls_back(package: dict[str, str], tmp_path: Path) -> None:
+def test_an_unwritable_cache_falls_back(run, package: dict[str, str], tmp_path: Path) -> None:
     """Take the next folder when one cannot be written, and compile without a cache when none can."""
     blocked = tmp_path / "blocked"
     blocked.touch()  # a file where a folder is wanted: unwritable for root too
@@ -401,7 +449,7 @@ def test_every_kernel_has_one_signature() -> None:
     """
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     found = json.loads(
-        run(SIGNATURES, TOUCHSTONE_CACHE=f"{home}/touchstone-signatures", PYTHONPATH=str(ROOT))
+        fresh(SIGNATURES, TOUCHSTONE_CACHE=f"{home}/touchstone-signatures", PYTHONPATH=str(ROOT))
     )
     assert len(found) > 120
     unused = sorted(name for name, count in found.items() if count == 0)

@@ -49,16 +49,8 @@ def placed(lab: SimpleNamespace, shape, margin: float):
     """(world, its only piece placed, the surface's points in the world)."""
     quaternions = [tuple(turn.as_quat(scalar_first=True).tolist()) for turn in (OWN, TURN)]
     piece = Piece("piece", shape, (0.5, 0.1, -0.2), quaternions[0])
-    body = Body(
-        "body",
-        "simulated",
-        "wood",
-        (piece,),
-        mass=1.0,
-        inertia=sphere_inertia(1.0, 0.1),
-        position=(1.0, 2.0, 3.0),
-        orientation=quaternions[1],
-    )
+    posed = {"position": (1.0, 2.0, 3.0), "orientation": quaternions[1]}
+    body = Body("body", "simulated", "wood", (piece,), 1.0, inertia=sphere_inertia(1.0, 0.1), **posed)
     world = translate(lab.scene(body))
     place_piece(world.pieces[0], world.bodies[0], world.vertices, margin)
     return world, TURN.apply(OWN.apply(surface(shape)) + piece.position) + body.position

@@ -97,7 +97,7 @@ def test_a_forged_recording_exits_with_one_line(refused, registry, tmp_path, way
     """Each command that reads recordings exits with 2 and a line that names file and field."""
     path = tmp_path / "forged" / "recordings" / "a.npz"
     path.parent.mkdir(parents=True)
-    registry.played("ball_snip", "reference").save(path)
+    path.write_bytes(registry.saved("ball_snip", "reference"))
     named = forge(path, way)
     for command in ("view forged --no-open", "judge forged", f"export '{path}' --format glb"):
         assert re.match(rf"\S*a\.npz: .*{re.escape(named)}", refused(command))
@@ -135,7 +135,7 @@ def test_an_extreme_number_ends_in_a_verdict_or_one_line(hurried, registry, tmp_
     path = tmp_path / "forged" / "recordings" / "ball_snip-reference-balanced.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / "forged" / "results.csv").write_text(",".join(NEEDED) + "\n")
-    registry.played("ball_snip", "reference").save(path)
+    path.write_bytes(registry.saved("ball_snip", "reference"))
 
     def change(columns):
         array = columns[field[0]]

@@ -2,14 +2,18 @@
 
 import re
 import sys
+from dataclasses import replace
 from math import isfinite, isnan
 
 import pytest
 
+from touchstone.adapters.recorder import record
+from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import IMPULSE_METRICS, METRICS, OTHER_LABELS, SOLVER_METRICS, posture
 from touchstone.reports.metrics.context import Context, JudgeMissing, NotMeasured, Value
 from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.scenario import Scenario
 
 UNITS = {"s", "m", "m s", "m/s", "1", "J", "N", "N s", "rad", "rad/s"}
 OF_PROBES = (
@@ -53,6 +57,18 @@ def test_names_and_formulas_are_told_apart():
     assert set(IMPULSE_METRICS) <= set(METRICS)
 
 
+def played(registry, engine: str, name: str) -> tuple[Recording, Scenario]:
+    """A recording and its scene; of `wall_push` on other engines than ours the first half, which meets the
+    wall."""
+    scene = catalogue()[name]
+    if engine == "reference" or name != "wall_push":
+        return registry.played(name, engine), scene
+    scene = replace(scene, duration=scene.duration / 2, expectations=())
+    recording = record(registry.engine(engine), scene, registry.settings(engine))
+    assert len(recording.contacts)
+    return recording, scene
+
+
 @pytest.mark.parametrize(
     "scene",
     [
@@ -65,7 +81,7 @@ def test_every_metric_runs_over_a_real_recording(registry, monkeypatch, engine, 
     """Each metric gives finite values, or says in one line why not."""
     monkeypatch.setattr(posture, "FRAMES", 2)
     missed = {}
-    context = Context(registry.played(scene, engine), catalogue()[scene])
+    context = Context(*played(registry, engine, scene))
     for name, metric in METRICS.items():
         try:
             values = metric.measure(context)

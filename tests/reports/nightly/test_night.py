@@ -374,7 +374,7 @@ def test_an_acceptance_that_is_set_aside_replaces_no_other(stored, tmp_path):
     assert reasons == ["two", "three"]
 
 
-@pytest.mark.parametrize("name", ["it's", 'a "b"', "[ab]", "*", "a b", "-a", "ö"])
+@pytest.mark.parametrize("name", ["it's ö", 'a "b"', "[ab]*", "-a"])
 def test_a_store_may_have_any_name(program, name):
     """Quotes, brackets and patterns in the name of a store are letters."""
     for _ in range(3):

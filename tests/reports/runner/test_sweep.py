@@ -184,7 +184,6 @@ def test_cells_are_played_once(fakes, tmp_path):
     assert files < set((tmp_path / "s" / "cells").iterdir())
 
 
-@pytest.mark.spawned
 def test_what_ends_a_cell_is_a_row(fakes, tmp_path):
     """A crash, a hang, a divergence and an exception cost their own cell only."""
     frame = sweep(fakes("faulty", 12), tmp_path / "s", executor=pool(2))
