@@ -53,6 +53,14 @@ WRONG = [
     ("run --tag galery", "unknown tag 'galery'; did you mean 'gallery'?"),
     ("run --profile equal_step", "unknown profile 'equal_step'; did you mean 'equal-step'?"),
     ("run --engine dart --profile paper", "no engine of dart has the profile paper"),
+    (
+        "run fall --engine mujoco --engine reference --profile balanced",
+        "no engine of mujoco has the profile balanced (valid: recommended, ",
+    ),
+    (
+        "run fall --engine mujoco --engine dart --profile recommended --profile maximal",
+        "no engine of mujoco, dart has the profile maximal",
+    ),
     ("run --dt 1e-300", "--dt 1e-300: dt = 1e-300 s is 1.67e+298 steps a frame, expected at most 1000000"),
     (
         "run --dt '\u0661/\u0666\u0660'",
