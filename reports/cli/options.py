@@ -154,7 +154,7 @@ def engines_named(names: Iterable[str]) -> list[str]:
     found = []
     for name in dict.fromkeys(names):
         if ":" not in name:
-            known("engine", name, available())
+            known("engine", name, (*available(), "module:Class"))
         with refusing(AdapterError):
             found.append(registered(name))
     return list(dict.fromkeys(found))

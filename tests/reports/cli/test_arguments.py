@@ -177,6 +177,11 @@ def test_wrong_input_is_one_line(refused, tmp_path, command, said, left):
     assert left(tmp_path) == ["full"]
 
 
+def test_an_unknown_engine_may_be_one_of_ones_own(refused):
+    """The valid names say how an engine that is not installed is named."""
+    assert refused("run --engine my_engine").endswith(", module:Class)")
+
+
 @pytest.mark.parametrize("command", ["", "study"])
 def test_no_command_is_answered_with_all(touchstone, command):
     """Without a command the help is printed, and the end is that of wrong usage."""

@@ -111,6 +111,7 @@ def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
         ("run none.toml", "none.toml: No such file or directory"),
         ("run none.py", "none.py: No such file or directory"),
         ("run fal", "unknown scenario 'fal'; did you mean 'fall'"),
+        ("run fall.txt", "fall.txt: expected a scene file that ends in .toml, .json, .py"),
         ("run fall fall.json", "fall.json: two scenes of this run are called 'fall'"),
         ("show bad.json", "bad.json:2: duration: found 'x', expected a valid number"),
         ("run limit.json", "limit: limits[0].metric: unknown metric 'overlap'"),
@@ -120,7 +121,8 @@ def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
 def test_wrong_files_exit_with_one_line(refused, tmp_path, command, line):
     """Exit with 2 and the file's name, without a traceback."""
     text = scene_json(catalogue()["fall"])
-    (tmp_path / "fall.json").write_text(text)
+    for name in ("fall.json", "fall.txt"):
+        (tmp_path / name).write_text(text)
     (tmp_path / "bad.json").write_text('{"coefficients": [], "bodies": [],\n "duration": "x"}')
     limited = replace(catalogue()["fall"], name="limit", limits=(MetricLimit("overlap", 1.0),))
     (tmp_path / "limit.json").write_text(scene_json(limited))
