@@ -264,6 +264,13 @@ def test_every_engine_plays(program, monkeypatch, command):
     assert len(asked) == 2
 
 
+def test_a_store_that_cannot_be_made_is_refused(program, tmp_path):
+    """One line with the reason, before anything is played."""
+    (tmp_path / "file").touch()
+    code, _, err, played = program("nightly --quick --store file")
+    assert (code, err, played) == (2, "touchstone: file: Not a directory\n", [])
+
+
 def test_children_end_before_their_folder_is_removed(program, monkeypatch):
     """After Ctrl-C too: a child that starts meanwhile writes its output there."""
     folders, kept, original = [], [], module.measure_scene
