@@ -11,6 +11,8 @@ from time import monotonic
 Progress = Callable[[str, int], None]
 SCENE = "scene "
 """Start of the label that announces a scene."""
+STUDY = "study "
+"""Start of the label that announces a study of a night."""
 ABOUT = "about "
 """Start of the label that says how long a run may take."""
 COMPILING = "compiling "
@@ -71,8 +73,8 @@ def stepping_aside(progress: Progress) -> Iterator[None]:
 
 @contextmanager
 def lines(by_scene: bool = False) -> Iterator[Progress]:
-    """One line per task, or with `by_scene` one per scene, an estimate of a long run's time, and now and then
-    a line while an engine compiles."""
+    """One line per task, or with `by_scene` one per scene and study, an estimate of a long run's time, and
+    now and then a line while an engine compiles."""
     seen: set[str] = set()
     compiling = -inf
 
@@ -82,7 +84,7 @@ def lines(by_scene: bool = False) -> Iterator[Progress]:
             if monotonic() < compiling + COMPILING_SECONDS:
                 return
             compiling = monotonic()
-        elif by_scene and not label.startswith((SCENE, ABOUT)):
+        elif by_scene and not label.startswith((SCENE, STUDY, ABOUT)):
             return
         if label not in seen:
             with suppress(OSError):  # results do not depend on who reads this

@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pluggy
 import pytest
 
 from touchstone.reports.assertions.outcome import LISTENER, Finding, InvariantError
@@ -192,7 +193,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
     """A broken invariant is reported by its message and the line that asserts it."""
     report: Any = yield
     if call.excinfo is not None and isinstance(call.excinfo.value, InvariantError):
-        inner = (SUITE.parent, Path(pytest.__file__).parents[1] / "_pytest")
+        inner = (SUITE.parent, Path(pytest.__file__).parents[1] / "_pytest", Path(pluggy.__file__).parent)
         frames = [f for f in call.excinfo.traceback if Path(str(f.path)).parent not in inner]
         at = frames[-1] if frames else None
         line = f"{at.path}:{at.lineno + 1}: {str(at.statement).strip()}\n" if at is not None else ""

@@ -296,7 +296,7 @@ def _exit_at_once() -> NoReturn:
 def failure_of(error: Exception) -> tuple[str, str]:
     """Status and one-line reason for an exception of a command."""
     if isinstance(error, AdapterError):
-        return error.status, str(error)
+        return error.status, "; ".join(str(error).splitlines())
     if isinstance(error, ImportError):
         return UNIMPORTABLE, f"cannot be imported: {error}".splitlines()[0]
     return "error", f"{type(error).__name__}: {error}".splitlines()[0] + _place(error)

@@ -63,6 +63,12 @@ def guarded(program: Callable[[], int | None]) -> NoReturn:
 
 def open_streams() -> None:
     """Give the program standard streams that write UTF-8 in any locale; closed ones discard what they get."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            # The lowest free descriptor is `number`; child processes need it, and pipes must not get it.
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             # The file stays open as long as the process.

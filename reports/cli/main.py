@@ -100,7 +100,7 @@ def run(
     scenario: Annotated[
         options.Names, typer.Argument(help="Scenes or files of scenes (default: --tag).")
     ] = None,
-    tag: Annotated[str, typer.Option(help="Play every scene with this tag.")] = "gallery",
+    tag: Annotated[str, typer.Option(help="Play every scene with this tag (default: gallery).")] = "",
     engine: Annotated[options.Names, typer.Option(help="Engines (default: all installed).")] = None,
     profile: Annotated[
         options.Names, typer.Option(help="Profiles (default: balanced, paper, recommended).")
@@ -145,7 +145,11 @@ def run(
     from touchstone.reports.runner.request import TooLargeError, check_memory, limited
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
-    scenarios = _tracked(scenarios_for(scenario or [], tag, hold_last, allow_paths), tracker, drive)
+    if scenario and tag:
+        options.stop(f"--tag {tag}: scenes are named too; give one of both")
+    scenarios = _tracked(
+        scenarios_for(scenario or [], tag or "gallery", hold_last, allow_paths), tracker, drive
+    )
     if install:
         install_environments(engine or [])
     request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)

@@ -122,7 +122,8 @@ def known(kind: str, name: str, valid: Iterable[str]) -> str:
 def columns_for(engines: Names, profiles: Names, default: Iterable[str] = ()) -> tuple[tuple[str, str], ...]:
     """(engine, profile) columns of the named engines (none: all) and profiles (none: `default`, or all).
 
-    Where no profile is named, an engine that has none of `default` plays its first.
+    Where no profile is named, an engine that has none of `default` plays its first. A named engine without
+    the named profiles, and a named profile without an engine, exit with one line.
     """
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.runner.request import columns_of
@@ -136,8 +137,12 @@ def columns_for(engines: Names, profiles: Names, default: Iterable[str] = ()) ->
     if not wanted:
         lacking = (name for name in names if name not in dict(columns))
         columns += tuple((name, next(iter(ENGINES[name].profiles))) for name in lacking)
-    if not columns:
-        stop(f"no engine of {', '.join(names)} has the profile {', '.join(wanted)}")
+    idle = [name for name in names if name not in dict(columns)]
+    if wanted and idle and (engines or not columns):
+        valid = ", ".join(dict.fromkeys(profile for name in idle for profile in ENGINES[name].profiles))
+        stop(f"no engine of {', '.join(idle)} has the profile {', '.join(wanted)} (valid: {valid})")
+    if absent := [profile for profile in wanted if profile not in {profile for _, profile in columns}]:
+        stop(f"no engine of {', '.join(names)} has the profile {', '.join(absent)}")
     return columns
 
 
@@ -149,7 +154,7 @@ def engines_named(names: Iterable[str]) -> list[str]:
     found = []
     for name in dict.fromkeys(names):
         if ":" not in name:
-            known("engine", name, available())
+            known("engine", name, (*available(), "module:Class"))
         with refusing(AdapterError):
             found.append(registered(name))
     return list(dict.fromkeys(found))

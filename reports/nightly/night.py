@@ -28,7 +28,7 @@ from touchstone.adapters.registry import ENGINES, installed
 from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.scratch import locked, scratch_folder
 from touchstone.reports.nightly.store import Night, cache_folder, identity, same_night
-from touchstone.reports.progress import SCENE, Progress
+from touchstone.reports.progress import SCENE, STUDY, Progress
 from touchstone.reports.results import COLUMNS, Row, rows_of, table, write_beside
 from touchstone.reports.run.study import measure_scene
 from touchstone.reports.runner.request import Request, Results, columns_of, step_text
@@ -231,7 +231,8 @@ def measure(
     found = NightResults(facts, table([]))
     missing = [scene for scene in chosen if _finished(folder, scene.name, UNIT) is None]
     found.continued = len(chosen) - len(missing)
-    with Children() as children, scratch_folder() as scratch:
+    # Children write into the folder until they end.
+    with scratch_folder() as scratch, Children() as children:
         for number, scenario in enumerate(missing, start=found.continued + 1):
             progress(f"{SCENE}{number} of {len(chosen)}: {scenario.name}", 0)
             _measure_scene(scenario, columns, scratch, folder, children, progress)
@@ -257,7 +258,7 @@ def _measure_studies(
         name = f"study-{study.name}"
         kept = _finished(folder, name, {"seconds": 0.0})
         if kept is None:
-            progress(f"{SCENE}study {study.name}", 0)
+            progress(f"{STUDY}{study.name}", 0)
             began = time.monotonic()
             try:
                 with scratch_folder() as scratch:

@@ -105,9 +105,13 @@ class Store:
         """Create or check the store, and hold it against a second night.
 
         Raises:
-            StoreError: the folder holds something else, is of a future version, or another night writes it.
+            StoreError: the folder cannot be made, holds something else, is of a future version, or another
+                night writes it.
         """
-        self.prepare()
+        try:
+            self.prepare()
+        except OSError as error:
+            raise StoreError(f"{self.place}: {error.strerror or error}") from error
         with open(self.folder / ".lock", "a+", encoding="utf-8") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -108,15 +108,21 @@ def valid_metrics() -> tuple[str, ...]:
 
 
 def check_limits(scenarios: Iterable[Scenario]) -> None:
-    """Raise SceneFileError with a line per limit of a scene that names no metric, engine or profile."""
+    """Raise SceneFileError with a line per limit of a scene that names no metric, engine or profile, or whose
+    `largest` bounds nothing."""
     faults = [
         f"{scenario.name}: limits[{i}].{field}: {text}"
         for scenario in scenarios
         for i, limit in enumerate(scenario.limits)
-        for field, text in _unknown(limit.metric, limit.engine, limit.profile)
+        for field, text in (*_unknown(limit.metric, limit.engine, limit.profile), *_boundless(limit.largest))
     ]
     if faults:
         raise SceneFileError("\n".join(faults))
+
+
+def _boundless(largest: float) -> Iterable[tuple[str, str]]:
+    if not largest >= 0:  # NaN too
+        yield "largest", f"found {largest:g}, expected a number from 0 on"
 
 
 def _unknown(metric: str, engine: str, profile: str) -> Iterable[tuple[str, str]]:
@@ -132,12 +138,12 @@ def _unknown(metric: str, engine: str, profile: str) -> Iterable[tuple[str, str]
 
 def file_model() -> type[BaseModel]:
     """Model of a file of limits."""
-    from pydantic import Strict, create_model  # import on demand: runs without such a file need none
+    from pydantic import Field, Strict, create_model  # import on demand: runs without such a file need none
 
     names = str | tuple[str, ...]
     fields: dict[str, Any] = {name: (names, ... if name == "metric" else "") for name in SCOPE}
     fields |= {
-        "largest": (Annotated[float, Strict()], ...),
+        "largest": (Annotated[float, Strict(), Field(ge=0)], ...),
         "reason": (str, ""),
         "by_construction": (bool, False),
     }

@@ -80,6 +80,8 @@ def unit(values: tuple[float, ...], path: str, report: Report, width: int) -> bo
     if not finite(values, path, report, width):
         return False
     if abs(sum(v * v for v in values) - 1) > UNIT_TOLERANCE:
-        report(path, f"found length {sum(v * v for v in values) ** 0.5:.12g}, expected 1")
+        length = sum(v * v for v in values) ** 0.5
+        such = f", such as [{', '.join(f'{v / length:.12g}' for v in values)}]" if length > 0 else ""
+        report(path, f"found length {length:.12g}, expected 1{such}")
         return False
     return True

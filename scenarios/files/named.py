@@ -37,6 +37,8 @@ def scenes_named(names: Iterable[str], hold_last: bool = False, allow_paths: boo
             several = scenes_of_file(path, hold_last, allow_paths)
         elif name in all_names(hold_last):
             several = [find(name, hold_last)]
+        elif Path(name).is_file():
+            raise SceneFileError(f"{name}: expected a scene file that ends in {', '.join(SUFFIXES)}")
         else:
             raise NoScene(name)
         for scenario in several:

@@ -58,7 +58,7 @@ def document(path: Path) -> tuple[dict[str, Any], Callable[[], dict[Place, int]]
     try:
         if (size := regular(path).stat().st_size) > MOST_BYTES:
             raise SceneFileError(f"{path}: {size / 1e6:.3g} MB, expected at most {MOST_BYTES / 1e6:g} MB")
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # without the mark that editors on Windows put first
     except OSError as error:
         raise SceneFileError(f"{path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:

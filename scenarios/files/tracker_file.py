@@ -47,7 +47,7 @@ def keyframes(path: Path, joints: Sequence[str]) -> dict[str, Any]:
 
 def _of_csv(path: Path, joints: Sequence[str]) -> np.ndarray:
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+        rows = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
     except (UnicodeDecodeError, csv.Error) as error:
         raise TrackerFileError(f"{path.name}: no CSV file ({error})") from error
     heads = [head.strip().removesuffix(".angle") for head in rows[0]] if rows else []

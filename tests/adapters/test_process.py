@@ -13,9 +13,10 @@ from types import SimpleNamespace
 import pytest
 from fake_server import DEADLY, EXIT_CODE, Squares, naps, nothing
 
+from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.engines.entry import ENGINES, Entry
 from touchstone.adapters.workers.pool import HANG, EngineProcess, Pool, Slot, Stopped
-from touchstone.adapters.workers.process import THREADS, ChildProcess, interrupt_held, one_thread
+from touchstone.adapters.workers.process import THREADS, ChildProcess, failure_of, interrupt_held, one_thread
 from touchstone.adapters.workers.scratch import Claimed, claimed_folder, locked, scratch_folder, sweep
 
 
@@ -76,6 +77,15 @@ def test_only_the_first_task_of_an_engine_that_compiles_may_take_longer(tmp_path
     monkeypatch.setitem(ENGINES, "naps", Entry("", "", {}))
     child = EngineProcess(naps, tmp_path / "output.txt", nothing, patience=0.5)
     assert child.ask("play", task).process == HANG
+
+
+def test_a_reason_is_one_line() -> None:
+    """A message of several lines, as MuJoCo's compiler raises, is joined."""
+    error = Unsupported("mujoco: Error: inertia must have positive eigenvalues\nElement name '1', id 2\n")
+    assert failure_of(error) == (
+        "skipped",
+        "mujoco: Error: inertia must have positive eigenvalues; Element name '1', id 2",
+    )
 
 
 def start(output: Path) -> ChildProcess:

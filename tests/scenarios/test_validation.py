@@ -142,6 +142,8 @@ TRACKER = [
     ({"positions": ((0.0, 0.0, 0.0),)}, "trackers[0].positions", "2 rows of 3"),
     ({"positions": ((0.0, 0.0, inf),) * 2}, "trackers[0].positions[0]", "inf"),
     ({"orientations": (QUIET, (1.0, 1.0, 0.0, 0.0))}, "trackers[0].orientations[1]", "expected 1"),
+    ({"orientations": (QUIET, (0.6, 0.0, 0.8, 1e-3))}, "trackers[0].orientations[1]", "such as [0.5999997, "),
+    ({"orientations": (QUIET, (0.0, 0.0, 0.0, 0.0))}, "trackers[0].orientations[1]", "length 0, expected 1"),
     ({"orientations": (QUIET, (nan, 0.0, 0.0, 0.0))}, "trackers[0].orientations[1]", "nan"),
     ({"angles": ((0.0,), (-inf,))}, "trackers[0].angles[1]", "-inf"),
     ({"angles": ((0.0, 0.0),) * 2}, "trackers[0].angles", "2 rows of 1"),

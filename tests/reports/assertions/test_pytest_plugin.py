@@ -203,6 +203,16 @@ def test_our_invariants_over_ones_engine(session):
     assert "momentum_kept" in reported
 
 
+@pytest.mark.slow
+def test_a_broken_invariant_of_ours_is_reported_by_its_message(session):
+    """A failure begins with what is broken, not with a line of pytest or of ours."""
+    suite = ("--touchstone-engine", "toy_engine:ToyEngine", "--touchstone-tag", "isolated")
+    code, reported = session(*suite, "-k", "break_15 and order_independent")
+    assert code == 1
+    assert "\nbreak_15 (toy, default, step 1/240 s): order is 0.4" in reported
+    assert "pluggy" not in reported.partition("FAILURES")[2]
+
+
 def test_the_plugin_imports_nothing_heavy():
     """A session that uses no fixture pays for no import."""
     text = (

@@ -51,8 +51,17 @@ WRONG = [
     ("run --engine zzz", "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco"),
     ("run --metric overlp.max", "unknown metric 'overlp.max'; did you mean 'overlap.max'"),
     ("run --tag galery", "unknown tag 'galery'; did you mean 'gallery'?"),
+    ("run slip --tag probe", "--tag probe: scenes are named too; give one of both"),
     ("run --profile equal_step", "unknown profile 'equal_step'; did you mean 'equal-step'?"),
     ("run --engine dart --profile paper", "no engine of dart has the profile paper"),
+    (
+        "run fall --engine mujoco --engine reference --profile balanced",
+        "no engine of mujoco has the profile balanced (valid: recommended, ",
+    ),
+    (
+        "run fall --engine mujoco --engine dart --profile recommended --profile maximal",
+        "no engine of mujoco, dart has the profile maximal",
+    ),
     ("run --dt 1e-300", "--dt 1e-300: dt = 1e-300 s is 1.67e+298 steps a frame, expected at most 1000000"),
     (
         "run --dt '\u0661/\u0666\u0660'",
@@ -167,6 +176,11 @@ def test_wrong_input_is_one_line(refused, tmp_path, command, said, left):
     (tmp_path / "full" / "mine").touch()
     assert refused(command).startswith(said)
     assert left(tmp_path) == ["full"]
+
+
+def test_an_unknown_engine_may_be_one_of_ones_own(refused):
+    """The valid names say how an engine that is not installed is named."""
+    assert refused("run --engine my_engine").endswith(", module:Class)")
 
 
 @pytest.mark.parametrize("command", ["", "study"])

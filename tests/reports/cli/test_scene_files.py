@@ -73,6 +73,8 @@ def test_a_file_adds_limits_and_replaces_ours(here, tmp_path):
         ('[[limits]]\nmetric = "overlap.max"', "l.toml:1: limits[0].largest: missing"),
         ('[[limits]]\nmetric = "work"\nlargest = 1\nmost = 2', "l.toml:4: limits[0].most: unknown field"),
         ('[[limits]]\nmetric = "work"\nlargest = 1\nengine = "bulet"', "l.toml:4: limits[0].engine: unknown"),
+        ('[[limits]]\nmetric = "work"\nlargest = nan', "l.toml:3: limits[0].largest: found nan, expected"),
+        ('[[limits]]\nmetric = "work"\nlargest = -1', "l.toml:3: limits[0].largest: found -1, expected"),
         ("limits = []\nlimit = 1", "l.toml:2: limit: unknown field 'limit'"),
         ("", "l.toml:1: limits: missing"),
     ],
@@ -109,18 +111,23 @@ def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
         ("run none.toml", "none.toml: No such file or directory"),
         ("run none.py", "none.py: No such file or directory"),
         ("run fal", "unknown scenario 'fal'; did you mean 'fall'"),
+        ("run fall.txt", "fall.txt: expected a scene file that ends in .toml, .json, .py"),
         ("run fall fall.json", "fall.json: two scenes of this run are called 'fall'"),
         ("show bad.json", "bad.json:2: duration: found 'x', expected a valid number"),
         ("run limit.json", "limit: limits[0].metric: unknown metric 'overlap'"),
+        ("run boundless.json", "boundless: limits[0].largest: found -1, expected a number from 0 on"),
     ],
 )
 def test_wrong_files_exit_with_one_line(refused, tmp_path, command, line):
     """Exit with 2 and the file's name, without a traceback."""
     text = scene_json(catalogue()["fall"])
-    (tmp_path / "fall.json").write_text(text)
+    for name in ("fall.json", "fall.txt"):
+        (tmp_path / name).write_text(text)
     (tmp_path / "bad.json").write_text('{"coefficients": [], "bodies": [],\n "duration": "x"}')
     limited = replace(catalogue()["fall"], name="limit", limits=(MetricLimit("overlap", 1.0),))
     (tmp_path / "limit.json").write_text(scene_json(limited))
+    boundless = replace(limited, name="boundless", limits=(MetricLimit("overlap.max", -1.0),))
+    (tmp_path / "boundless.json").write_text(scene_json(boundless))
     assert line in refused(command)
 
 

@@ -140,6 +140,18 @@ def test_closed_or_full_streams_are_no_traceback(closed, tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_child_processes_have_streams_where_ours_are_closed(closed):
+    """A child process gets the null device, so that it can divert its output."""
+    child = "import sys; sys.exit(None in (sys.stdin, sys.stdout, sys.stderr))"
+    code = (
+        "import subprocess, sys; from touchstone.reports.cli.guard import guarded; "
+        f"guarded(lambda: subprocess.call([sys.executable, '-c', '{child}']))"
+    )
+    line = shlex.join([sys.executable, "-c", code])
+    assert subprocess.run(["sh", "-c", f"{line} {closed}"], stderr=subprocess.DEVNULL).returncode == 0
+
+
 @pytest.mark.parametrize("command", ["list engines", "schema"])
 def test_a_reader_that_stops_is_no_error(command):
     """`| head` is exit 141 in silence."""

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from forged_tables import JSONS, WAYS, forge
 
+from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.scratch import locked
 from touchstone.reports.cli import nightly as nightly
 from touchstone.reports.nightly import night as module
@@ -261,6 +262,41 @@ def test_every_engine_plays(program, monkeypatch, command):
     assert program(command)[0] == 0
     assert all({engine for engine, _ in columns} >= set(DEFAULT_ENGINES) for columns in asked)
     assert len(asked) == 2
+
+
+def test_a_store_that_cannot_be_made_is_refused(program, tmp_path):
+    """One line with the reason, before anything is played."""
+    (tmp_path / "file").touch()
+    code, _, err, played = program("nightly --quick --store file")
+    assert (code, err, played) == (2, "touchstone: file: Not a directory\n", [])
+
+
+def test_children_end_before_their_folder_is_removed(program, monkeypatch):
+    """After Ctrl-C too: a child that starts meanwhile writes its output there."""
+    folders, kept, original = [], [], module.measure_scene
+
+    class Ending(Children):
+        def __exit__(self, *error):
+            kept.append(folders[0].is_dir())
+            super().__exit__(*error)
+
+    def measure_scene(request, scenario, folder, *others):
+        folders.append(request.out)
+        return original(request, scenario, folder, *others)
+
+    monkeypatch.setattr(module, "Children", Ending)
+    monkeypatch.setattr(module, "measure_scene", measure_scene)
+    assert program("nightly --quick", dies="fall")[0] == 130
+    assert kept == [True]
+
+
+def test_a_study_is_announced_as_one(program):
+    """Progress names a study as a study, on a line of its own."""
+    assert program("nightly --quick")[2].splitlines() == [
+        "scene 1 of 2: fall",
+        "scene 2 of 2: slip",
+        "study robustness",
+    ]
 
 
 def test_a_study_is_measured_when_it_is_due(program):

@@ -6,6 +6,7 @@ import pytest
 from touchstone.scenarios.files.named import scenes_of_file
 from touchstone.scenarios.files.read import SceneFileError, read_scene
 from touchstone.scenarios.files.schema import json_schema
+from touchstone.scenarios.files.write import scene_json
 from touchstone.scenarios.rounded_solid import rounded_mass_properties
 from touchstone.scenarios.scenario import Capsule, Cone, HalfSpace, Piece, RoundedBox, RoundedHull
 from touchstone.scenarios.solids import capsule_inertia
@@ -160,6 +161,15 @@ def test_a_tracker_reads_its_file(scene, tmp_path):
         assert "glove.npz: no NPZ file of plain numbers" in scene(text.replace(".csv", ".npz"))[0]
     assert scene(text.replace("glove.csv", "none.csv"))[0].endswith("none.csv: No such file or directory")
     assert scene(text.replace('file = "glove.csv"', ""))[0].startswith("drop.toml:19: trackers[0]: no times")
+
+
+def test_the_mark_of_utf8_is_no_text(scene, tmp_path):
+    """Files that start with the byte order mark, as some editors and spreadsheets write them, are read."""
+    mark = "\ufeff"
+    (tmp_path / "glove.csv").write_text(mark + CSV)
+    found = scene(mark + SOUND + HAND)
+    assert found.trackers[0].times == (0.0, 1.0)
+    assert scene(mark + scene_json(found), "drop.json").bodies == found.bodies
 
 
 def test_no_file_outside_the_folder_is_read(scene, tmp_path):
