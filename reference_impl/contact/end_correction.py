@@ -3,9 +3,12 @@
 A resting contact is solved with the geometry that the velocities of the start predict for the middle of
 the substep (`contact_motion`). Where surfaces curve, a speed of second order and a gap of third order are
 left at its end. Here, bodies are posed at the end that the solution leads to, and distance and normal are
-measured there. The contact is solved again along the mean of both normals, at the mean of both contact
-points, for the measured speed and gap: a corrector whose fixed point touches, and does not approach, at the
-end.
+measured there. The contact is solved again along the mean of the normal over the substep, at the mean of the
+contact point, for the measured speed and gap: a corrector whose fixed point touches, and does not approach,
+at the end.
+
+Force, normal and lever change together. The integrals of their products are those of their means and, to
+third order, a twelfth of the products of their changes (`add_changes`, `_mean_slip`).
 """
 
 from math import sqrt
