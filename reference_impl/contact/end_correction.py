@@ -180,7 +180,8 @@ def _in_world(body, v, place):
 def _correct(a, b, pair, found, h, state, last):
     """Correct a row by the pair `found` at the end of the substep; returns its error [m]."""
     n, m, middle = pair["start_normal"], found["normal"], pair["normal"]
-    if n[0] * m[0] + n[1] * m[1] + n[2] * m[2] <= 0:
+    cos = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
+    if cos <= 0:
         return 0.0
     ux, uy, uz = _end_velocity(b, found)
     vx, vy, vz = _end_velocity(a, found)
@@ -195,8 +196,15 @@ def _correct(a, b, pair, found, h, state, last):
     if last or error <= END_ERROR:
         return error
     # under a coupling both laws differ by more than the change of a force
-    followed = state["led_loop"] == 0 and _is_free(a) and _is_free(b)
-    _set_geometry(a, b, pair, found, followed)
+    if state["led_loop"] == 0 and _is_free(a) and _is_free(b):
+        _follow_parabolas(a, b, pair, found)
+    else:
+        size = sqrt(2 + 2 * cos)
+        for i in range(3):
+            middle[i] = (n[i] + m[i]) / size
+            end = (found["point_a"][i] + found["point_b"][i]) / 2
+            pair["lever_a"][i] = (pair["point"][i] + end + a["old_center"][i] - a["center"][i]) / 2
+            pair["lever_b"][i] = (pair["point"][i] + end + b["old_center"][i] - b["center"][i]) / 2
     x, y, z = _velocity_on(b, b["velocity"], b["omega"], pair["lever_b"])
     vx, vy, vz = _velocity_on(a, a["velocity"], a["omega"], pair["lever_a"])
     along = closing - (middle[0] * ux + middle[1] * uy + middle[2] * uz)
@@ -205,14 +213,15 @@ def _correct(a, b, pair, found, h, state, last):
     bias[1] = uy - (y - vy) + along * middle[1]
     bias[2] = uz - (z - vz) + along * middle[2]
     x, y, z = _mean_slip(a, b, pair)
-    n = pair["path_normal"]
+    n = pair["path_normal"] if pair["followed"] == 1 else middle
     # the part of the gap's change that the mean velocity does not give
     way = n[0] * x + n[1] * y + n[2] * z
     pair["gap_error"] = found["distance"] - pair["distance"] - h * way
-    ux, uy, uz = _mean_velocity(b, pair["path_lever_b"])
-    vx, vy, vz = _mean_velocity(a, pair["path_lever_a"])
-    bias = pair["path_bias"]
-    bias[0], bias[1], bias[2] = 2 * (x - ux + vx), 2 * (y - uy + vy), 2 * (z - uz + vz)
+    if pair["followed"] == 1:
+        ux, uy, uz = _mean_velocity(b, pair["path_lever_b"])
+        vx, vy, vz = _mean_velocity(a, pair["path_lever_a"])
+        bias = pair["path_bias"]
+        bias[0], bias[1], bias[2] = 2 * (x - ux + vx), 2 * (y - uy + vy), 2 * (z - uz + vz)
     return error
 
 
@@ -223,31 +232,29 @@ def _is_free(body):
 
 
 @kernel
-def _set_geometry(a, b, pair, found, followed):
-    """Set normal and levers of a row to their means over the substep and, if it is `followed`, `path_*` to
-    those by which a force moves its body: weighted by the time left. Between start and end both follow
-    parabolas along the prediction at the start, or straight lines."""
+def _follow_parabolas(a, b, pair, found):
+    """Set normal and levers of a row to their means over the substep, and `path_*` to those by which a force
+    moves its body: weighted by the time left. They follow parabolas through start and end along the
+    prediction at the start, or straight lines without one."""
     n, m, p = pair["start_normal"], found["normal"], pair["predicted_normal"]
-    known = False
+    predicted, size, far = False, 0.0, 0.0
     for i in range(3):
-        if pair["corrected"] == 0:
+        if pair["followed"] == 0:
             p[i] = pair["normal"][i]
             pair["predicted_a"][i], pair["predicted_b"][i] = pair["lever_a"][i], pair["lever_b"][i]
-        start = pair["point"][i]
-        known = known or pair["predicted_a"][i] != start or pair["predicted_b"][i] != start or p[i] != n[i]
-    known, size, far = known and followed, 0.0, 0.0
-    pair["corrected"] = 1
+        start, on_a, on_b = pair["point"][i], pair["predicted_a"][i], pair["predicted_b"][i]
+        predicted = predicted or on_a != start or on_b != start or p[i] != n[i]
+    pair["followed"] = 1
     for i in range(3):
         start, end = pair["point"][i], (found["point_a"][i] + found["point_b"][i]) / 2
         to_a, to_b = end + a["old_center"][i] - a["center"][i], end + b["old_center"][i] - b["center"][i]
         on_a, on_b, between = pair["predicted_a"][i], pair["predicted_b"][i], p[i]
-        if not known:
+        if not predicted:
             on_a, on_b, between = (start + to_a) / 2, (start + to_b) / 2, (n[i] + m[i]) / 2
         pair["lever_a"][i], pair["lever_b"][i] = (start + on_a + to_a) / 3, (start + on_b + to_b) / 3
-        pair["path_lever_a"][i] = start / 2 + on_a / 3 + to_a / 6 if followed else pair["lever_a"][i]
-        pair["path_lever_b"][i] = start / 2 + on_b / 3 + to_b / 6 if followed else pair["lever_b"][i]
-        pair["normal"][i] = n[i] + between + m[i]
-        pair["path_normal"][i] = 3 * n[i] + 2 * between + m[i] if followed else 2 * pair["normal"][i]
+        pair["path_lever_a"][i] = start / 2 + on_a / 3 + to_a / 6
+        pair["path_lever_b"][i] = start / 2 + on_b / 3 + to_b / 6
+        pair["normal"][i], pair["path_normal"][i] = n[i] + between + m[i], 3 * n[i] + 2 * between + m[i]
         size, far = size + pair["normal"][i] ** 2, far + pair["path_normal"][i] ** 2
     for i in range(3):
         # over the length of the mean, whose direction is `normal`
@@ -258,8 +265,8 @@ def _set_geometry(a, b, pair, found, followed):
 
 @kernel
 def exchange_geometry(pair):
-    """Exchange the normal and levers of a corrected row with those for the way of its bodies."""
-    if pair["corrected"] == 0:
+    """Exchange the normal and levers of a row that follows parabolas with those for the way of its bodies."""
+    if pair["followed"] == 0:
         return
     for i in range(3):
         pair["normal"][i], pair["path_normal"][i] = pair["path_normal"][i], pair["normal"][i]
@@ -332,10 +339,10 @@ def _mean_velocity(body, lever):
 
 @kernel
 def add_changes(bodies, pairs, count, on_path):
-    """Add to free bodies the impulse and the angular impulse that corrected rows exert because force, normal
-    and lever change together over a substep: integrals of products of their deviations from their means.
+    """Add to free bodies the impulse and the angular impulse that rows exert because force, normal and lever
+    change together over a substep: integrals of products of their deviations from their means.
 
-    The force falls by six times the difference of the impulses of both laws, which weigh it by time.
+    The force changes by six times the difference of the impulses of both laws, which weigh it by time.
 
     Args:
         on_path: in the law of positions, which weighs by the time left.
@@ -343,7 +350,7 @@ def add_changes(bodies, pairs, count, on_path):
     share = 1 / 3 if on_path else 1 / 2
     for k in range(count):
         pair = pairs[k]
-        if pair["corrected"] == 0:
+        if pair["followed"] == 0:
             continue
         n, far = vector_of(pair["normal"]), vector_of(pair["path_normal"])
         p, q = vector_of(pair["resting_impulse"]), vector_of(pair["spare"])
@@ -353,8 +360,8 @@ def add_changes(bodies, pairs, count, on_path):
         if 9 * dot(change, change) > dot(p, p):
             scale = sqrt(dot(p, p) / dot(change, change)) / 3
         push = times(scale * share * (along - far_along), bend)
-        fall = times(scale, plus(plus(change, far_along, far), -far_along, n))
-        fall = plus(fall, (far_along if on_path else along) / 6, bend)
+        rise = times(scale, plus(plus(change, far_along, far), -far_along, n))
+        rise = plus(rise, (far_along if on_path else along) / 6, bend)
         for side in range(2):
             body, sign = bodies[pair["body_b"] if side else pair["body_a"]], 1.0 if side else -1.0
             if body["kind"] != SIMULATED or body["driver"] >= 0:
@@ -363,7 +370,7 @@ def add_changes(bodies, pairs, count, on_path):
             path = vector_of(pair["path_lever_b"] if side else pair["path_lever_a"])
             way, arm = times(6.0, plus(near, -1.0, path)), path if on_path else near
             torque = cross(plus(arm, -1.0, vector_of(body["center"])), push)
-            torque, turn = plus(torque, share, cross(way, fall)), body["scratch"][0]
+            torque, turn = plus(torque, share, cross(way, rise)), body["scratch"][0]
             rotate(body["inverse_inertia"], torque, turn)
             for i in range(3):
                 body["velocity"][i] += sign * body["inverse_mass"] * push[i]
@@ -373,16 +380,16 @@ def add_changes(bodies, pairs, count, on_path):
 @kernel
 def _mean_slip(a, b, pair):
     """Mean over the substep of the velocity of B's material relative to A's at a contact."""
-    x, y, z = _mean_at_contact(b, pair["lever_b"], pair["path_lever_b"], pair["corrected"])
-    u, v, w = _mean_at_contact(a, pair["lever_a"], pair["path_lever_a"], pair["corrected"])
+    x, y, z = _mean_at_contact(b, pair["lever_b"], pair["path_lever_b"], pair["followed"])
+    u, v, w = _mean_at_contact(a, pair["lever_a"], pair["path_lever_a"], pair["followed"])
     return x - u, y - v, z - w
 
 
 @kernel
-def _mean_at_contact(body, lever, path_lever, corrected):
+def _mean_at_contact(body, lever, path_lever, followed):
     """Part of a body in `_mean_slip`: lever and angular velocity change together."""
     mean = _mean_velocity(body, lever)
-    if corrected == 0 or not is_moving(body):
+    if followed == 0 or not is_moving(body):
         return mean
     w = body["path_omega"] if body["led"] == 1 else body["omega"]
     turn = plus(vector_of(w), -1.0, vector_of(body["old_omega"]))

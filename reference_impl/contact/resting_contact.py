@@ -408,7 +408,7 @@ def _prepare_resting_contacts(world, count, h):
         pair = pairs[k]
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, 0.0)
-        pair["gap_error"], pair["corrected"] = 0.0, 0
+        pair["gap_error"], pair["followed"] = 0.0, 0
         pair["curved"] = 1 if smooth else 0
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     if smooth:

@@ -236,15 +236,15 @@ PAIR = record(
     spare_moment=VECTOR,  # `spare` of the moment [N m s]
     start_normal=VECTOR,  # `normal` then, while the row is moved to the middle
     gap_error="f8",  # change of the gap over a substep beyond that of the mean velocity [m]
-    # of a corrected row, for the way of its bodies: where the impulses act, and twice the mean velocity of a
-    # substep less that there [m/s]
-    corrected="i8",
+    # 1: normal and levers follow parabolas over the substep (`end_correction`); those by which impulses move
+    # the bodies, and twice the mean velocity less that there [m/s]
+    followed="i8",
     path_normal=VECTOR,
     path_lever_a=VECTOR,
     path_lever_b=VECTOR,
     path_bias=VECTOR,
     normal_way=VECTOR,  # change of the normal over the substep [1]
-    predicted_normal=VECTOR,
+    predicted_normal=VECTOR,  # of the middle
     predicted_a=VECTOR,
     predicted_b=VECTOR,
     held_floor="f8",  # `floor` while the law of positions is solved

@@ -425,7 +425,7 @@ def _add_lead(bodies, drivers, pair, lead, out_velocity):
     # `bias` is the change of u from the middle of the substep, at whose geometry all velocities are taken
     for i in range(3):
         out_velocity[i] -= lead * (pair["bias"][i] + pair["surface_a"][i] - pair["surface_b"][i])
-    if lead == 1 and pair["corrected"] == 1:
+    if lead == 1 and pair["followed"] == 1:
         for i in range(3):
             out_velocity[i] += pair["path_bias"][i]
     for side in range(2):
