@@ -64,6 +64,12 @@ def test_rotation_about_one_axis_is_nearer(name: str, coarse: float, fine: float
     assert error(find(name), 480) < fine
 
 
+def test_a_ball_without_friction_gets_no_spin() -> None:
+    """Its lever and its normal, of which each has a mean, stay parallel."""
+    recording = play(find("ball_off_sphere"), 60)
+    assert np.abs(recording.angular_velocity).max() < 1e-6
+
+
 def test_a_smaller_turn_is_nearer() -> None:
     """Substeps for the turn of curved contacts are what `accurate` pays for."""
     assert error(find("ellipsoid_rolls"), 60, "accurate") < error(find("ellipsoid_rolls"), 60) / 10
