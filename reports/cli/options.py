@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from contextvars import ContextVar
 from enum import StrEnum
 from io import StringIO
@@ -67,7 +67,8 @@ PrintedOutOption = Annotated[
 
 def stop(message: str, code: int = BAD_INPUT) -> NoReturn:
     """Exit with one line on standard error."""
-    print(f"touchstone: {message}", file=sys.stderr)
+    with suppress(OSError):  # standard error may be full or closed
+        print(f"touchstone: {message}", file=sys.stderr)
     sys.exit(code)
 
 

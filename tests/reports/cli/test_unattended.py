@@ -140,6 +140,11 @@ def test_closed_or_full_streams_are_no_traceback(closed, tmp_path):
     assert "Traceback" not in done.stderr
 
 
+def test_a_refusal_has_its_code_where_standard_error_is_full():
+    line = f'"{sys.executable}" -c "{CALL}" list nothing 2>/dev/full'
+    assert subprocess.run(["sh", "-c", line]).returncode == 2
+
+
 @pytest.mark.parametrize("closed", [">&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_child_processes_have_streams_where_ours_are_closed(closed):
     """A child process gets the null device, so that it can divert its output."""
