@@ -23,7 +23,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
 )
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
-from touchstone.reference_impl.core.conventions import GAP_LEFT, NEVER, NO_FLOOR, SIMULATED, SINKING_DEPTH
+from touchstone.reference_impl.core.conventions import GAP_LEFT, NO_FLOOR, SIMULATED, SINKING_DEPTH
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import (
     column,
@@ -135,18 +135,20 @@ def _end_geometry(world, a, b, pair, out_found):
 
 @kernel
 def _nearest_pieces(world, a, b, pair, out_found):
-    """Find distance, normal and points of two pieces; or, on a body that does not move, of its nearest piece,
-    to which the contact may have moved. Returns whether they are known."""
-    pieces, one, two = world.pieces, pair["piece_a"], pair["piece_b"]
+    """Find distance, normal and points of two pieces; or, on a body that does not move, of its nearest piece
+    to which the contact may have moved: its normal is at least as near to that of the start, otherwise it is
+    an obstacle. Returns whether they are known."""
+    pieces, one, two, n = world.pieces, pair["piece_a"], pair["piece_b"], pair["start_normal"]
     on_a = not is_moving(a)
     many = a if on_a else b
     if not is_moving(many) and many["piece_count"] > 1:
-        least = NEVER
+        convex_depth(pieces[one], pieces[two], world.vertices, world.state, out_found)
+        least, along = out_found["distance"], dot(n, out_found["normal"])
         for k in range(many["first_piece"], many["first_piece"] + many["piece_count"]):
             p, q = (k, pair["piece_b"]) if on_a else (pair["piece_a"], k)
             if _may_touch(pieces[p], pieces[q]):
                 convex_depth(pieces[p], pieces[q], world.vertices, world.state, out_found)
-                if out_found["distance"] < least:
+                if out_found["distance"] < least and dot(n, out_found["normal"]) >= along:
                     least, one, two = out_found["distance"], p, q
     out_found["piece_a"], out_found["piece_b"] = one, two
     _, known = convex_depth(pieces[one], pieces[two], world.vertices, world.state, out_found)
