@@ -95,7 +95,7 @@ SINKING_HALVINGS = 2
 WAY_ERROR = 1e-7
 """Distance of a driver's links at an impact from the parabolas along which it was searched [m]: a tenth of
 TOUCH_DISTANCE."""
-WAY_ATTEMPTS = 4
+WAY_ATTEMPTS = 32
 """Most searches for an impact of a substep."""
 WAY_SHARE = 0.1
 """Distance of a driver from its parabola, over its width, within which no impact is overlooked [1]."""

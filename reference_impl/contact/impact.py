@@ -15,6 +15,7 @@ from math import sqrt
 
 from touchstone.reference_impl.contact.contact_log import log_held, note_moment_work
 from touchstone.reference_impl.contact.island_impact import strike_together
+from touchstone.reference_impl.continuous.hinge_motion import meets_limit
 from touchstone.reference_impl.continuous.mechanism_motion import slow_joints
 from touchstone.reference_impl.core.conventions import APPROACH_MIN, NO_FLOOR
 from touchstone.reference_impl.core.counters import COUNT_OPEN_SOLVES
@@ -65,7 +66,7 @@ def resolve_impacts(world, count, time, h):
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, contacts, state = world.pairs, world.contacts, world.state
     v_rest, unsolved = rest_speed(state), state["counters"][COUNT_OPEN_SOLVES]
-    done = False
+    done = slowed = False
     for k in range(IMPULSE_CAP):
         failures = state["counters"][COUNT_OPEN_SOLVES] - unsolved
         if failures > REFLECTION_FAILURES:
@@ -74,15 +75,18 @@ def resolve_impacts(world, count, time, h):
         if not _find_impacts(bodies, pairs, count, v_rest, together, state):
             done = True
             break
-        if k == 0 and slow_held(bodies, joints, drivers, state):
+        if not slowed and slow_held(bodies, joints, drivers, state):
             _find_impacts(bodies, pairs, count, v_rest, together, state)
+        slowed = True
         strike_together(bodies, joints, drivers, pairs, count, state)
         if state["moments"] == 1:
             note_moment_work(bodies, pairs, count, 1.0, state)
         log_held(bodies, pairs, count, contacts, state, time)
     k = _fastest_row(bodies, pairs, count, state)
     if k >= 0 and pairs[k]["key"] * h > SETTLE_DEPTH:
-        slow_held(bodies, joints, drivers, state)
+        if not slowed:
+            slow_held(bodies, joints, drivers, state)
+        slowed = True
         for row in range(count):
             begin_row(bodies, pairs[row], -pairs[row]["speculative_speed"])
         state["settling"] = DENSE_SETTLE / h if state["dense_substep"] == 1 else 0.0
@@ -93,17 +97,29 @@ def resolve_impacts(world, count, time, h):
         log_held(bodies, pairs, count, contacts, state, time)
     if state["mechanisms"] == 1:
         # joints that have reached a limit stop there
+        if not slowed and _meets_limits(joints, drivers):
+            slow_held(bodies, joints, drivers, state)
         solve_contacts(bodies, joints, drivers, pairs, 0, False, state)
     return done
 
 
 @kernel
 def slow_held(bodies, joints, drivers, state):
-    """`slow_joints` of all mechanisms; returns whether any joint was held."""
+    """`slow_joints` of all mechanisms, once before all impacts of an event: from then on the energy by which
+    held joints answer bounds theirs. Returns whether any joint was held."""
     found = False
     for d in range(state["driven_count"], len(drivers)):
         slow_joints(bodies, joints, drivers[d])
         found = found or drivers[d]["held"] == 1
+    return found
+
+
+@kernel
+def _meets_limits(joints, drivers):
+    """Whether a joint of a driver moves into a limit at which it is."""
+    found = False
+    for d in range(len(drivers)):
+        found = found or meets_limit(joints, drivers[d])
     return found
 
 

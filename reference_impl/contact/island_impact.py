@@ -41,15 +41,16 @@ def strike_together(bodies, joints, drivers, pairs, count, state):
             note_rates(drivers[d], drivers[d]["start_rates"])
         load_island(bodies, joints, drivers, pairs, k, state)
         solve_island(bodies, joints, drivers, pairs, False, state)
-        gain, work = _energy_change(bodies, pairs, k, state)
+        gain, work = _energy_change(bodies, joints, drivers, pairs, k, state)
         if gain > ENERGY_ROUNDING * work:
             _guard(bodies, joints, drivers, pairs, k, gain, state)
         state["counters"][COUNT_IMPULSES] += 1
 
 
 @kernel
-def _energy_change(bodies, pairs, head, state):
-    """Change of kinetic energy by the impulses of an island, and the sum of their absolute work at v- [J]."""
+def _energy_change(bodies, joints, drivers, pairs, head, state):
+    """Change of kinetic energy by the impulses of an island, which the solver holds, and the sum of their
+    absolute work at v- [J]."""
     gain = work = 0.0
     v, k = state["velocity"], head
     while k >= 0:
@@ -64,7 +65,21 @@ def _energy_change(bodies, pairs, head, state):
             gain += (dot(pair["moment"], pair["turn_before"]) + dot(pair["moment"], pair["free_turn"])) / 2
             work += abs(dot(pair["moment"], pair["turn_before"]))
         k = pair["next_row"]
+    for n in range(state["solver"]["row_count"]):
+        row = state["solver"]["rows"][n]
+        k = _limited_joint(bodies, joints, drivers, row)
+        if k >= 0:
+            before = row["before"][0]
+            gain += row["impulse"][0] * (before + joints[k]["limited"] * joints[k]["rate"]) / 2
+            work += abs(row["impulse"][0] * before)
     return gain, work
+
+
+@kernel
+def _limited_joint(bodies, joints, drivers, row):
+    """Joint between bodies whose limit is a row of the solver, or -1."""
+    k = -2 - row["pair"]
+    return k if k >= 0 and drivers[bodies[joints[k]["child"]]["driver"]]["mechanism"] == 1 else -1
 
 
 @kernel
@@ -73,6 +88,11 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
     # limits have exerted impulses on mechanisms too
     for d in range(state["driven_count"], len(drivers)):
         note_rates(drivers[d], drivers[d]["gains"])
+    rows = state["solver"]["rows"]
+    for n in range(state["solver"]["row_count"]):
+        k = _limited_joint(bodies, joints, drivers, rows[n])
+        if k >= 0:
+            joints[k]["spare_impulse"] = rows[n]["impulse"][0]
     v, k = state["velocity"], head
     while k >= 0:
         pair = pairs[k]
@@ -88,8 +108,13 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
     solve_island(bodies, joints, drivers, pairs, False, state)
     for d in range(state["driven_count"], len(drivers)):
         note_rates(drivers[d], drivers[d]["path_gains"])
-    start, _ = _energy_change(bodies, pairs, head, state)
+    start, _ = _energy_change(bodies, joints, drivers, pairs, head, state)
     slope = 0.0
+    for n in range(state["solver"]["row_count"]):
+        k = _limited_joint(bodies, joints, drivers, rows[n])
+        if k >= 0:
+            change = joints[k]["spare_impulse"] - rows[n]["impulse"][0]
+            slope += change * joints[k]["limited"] * joints[k]["rate"]
     k = head
     while k >= 0:
         relative_velocity(bodies, pairs[k], state)

@@ -162,6 +162,16 @@ def limit_gap(joint):
 
 
 @kernel
+def meets_limit(joints, driver):
+    """Whether a hinge of a driver moves into a limit at which it is."""
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint = joints[k]
+        if joint["limited"] * joint["rate"] < 0 and limit_gap(joint) <= LIMIT_ROUNDING:
+            return True
+    return False
+
+
+@kernel
 def ask_limits(joints, driver, lead, h):
     """Set what the rows of limits ask over a substep of length h, at whose start the hinges are: they may
     close their gap at most. `lead` is 1 in the law of positions, which asks for twice the mean rate and takes

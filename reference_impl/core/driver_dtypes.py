@@ -54,6 +54,7 @@ JOINT = record(
     limit_free="f8",  # that rate without impulses
     limit_impulse="f8",  # [N m s]
     shift_limit_impulse="f8",  # of the law of positions [N m s]
+    spare_impulse="f8",  # that of an impact whose energy is guarded [N m s]
     # what it moves, about the centre of mass of its driver: mass, first moment, inertia, and the momentum of
     # all that per rate
     moved_mass="f8",

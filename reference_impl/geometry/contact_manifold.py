@@ -49,6 +49,8 @@ LEAST_SLOPE = 1e-7
 RIM_SLACK = 1e-9
 """Distance outside a rim up to which a point lies on it, and height of a rim over its lowest point beyond
 which the cap is tilted [m]: rounding of poses, and less than any gap that matters."""
+WITNESS_ERROR = TOUCH_DISTANCE / 10
+"""Depth of a pair beyond that of its manifold from which it keeps its witnesses as the deepest point [m]."""
 EQUAL_AREA = 1e-9
 """Relative difference of two areas, and component of a normal, that count as zero [1]."""
 
@@ -105,6 +107,9 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
                 pairs[rows] = pair
                 row = pair["next_point"] = rows
                 rows += 1
+            elif state["lower"][0, 2] > pair["distance"] + WITNESS_ERROR:
+                # between a side's line and a face, it is deeper beside that line
+                continue
             _write_point(state["lower"][c], face_on_a, pair["point_a"], state, pairs[row])
     return without_merged(pairs, touching, rows) if grouped else rows
 
