@@ -267,7 +267,7 @@ def _simulate(world):
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
         # bodies sink less in a shorter substep, and separation lifts them less
-        wanted, sunk = 1.0, 0
+        wanted, sunk, lifted = 1.0, 0, False
         for _ in range(UNPAID_ATTEMPTS):
             if halved < OPEN_HALVINGS and state["residual"] > max(RESIDUAL_OPEN, state["past_residual"]):
                 # contacts without a solution over a substep may have one over another
@@ -283,7 +283,9 @@ def _simulate(world):
                 wanted = ELAPSED_SHARE
                 h *= fraction
             elif state["unpaid_energy"] > 0:
-                h *= UNPAID_SHARE * fraction
+                # first without the lift that no motion paid for, then over a shorter time
+                h *= UNPAID_SHARE * fraction if lifted else 1.0
+                lifted = True
             else:
                 break
             begin_again(bodies, joints, drivers)

@@ -21,6 +21,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
     is_moving,
     is_round,
 )
+from touchstone.reference_impl.continuous.forced_rotation import mean_omega_curve
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
 from touchstone.reference_impl.core.conventions import GAP_LEFT, NO_FLOOR, SIMULATED, SINKING_DEPTH
@@ -214,7 +215,7 @@ def _correct(a, b, pair, found, h, state, last):
     bias[0] = ux - (x - vx) + along * middle[0]
     bias[1] = uy - (y - vy) + along * middle[1]
     bias[2] = uz - (z - vz) + along * middle[2]
-    x, y, z = _mean_slip(a, b, pair)
+    x, y, z = _mean_slip(a, b, pair, h)
     n = pair["path_normal"] if pair["followed"] == 1 else middle
     # the part of the gap's change that the mean velocity does not give
     way = n[0] * x + n[1] * y + n[2] * z
@@ -279,7 +280,10 @@ def exchange_geometry(pair):
 @kernel
 def gap_aimed(pair, h, state):
     """Gap of a contact at the end of a substep of length h [m]: what is left of its overlap. With drivers in
-    the loop it is taken back over a frame: their forces do work along it, and at once would shake a load."""
+    the loop it is taken back over a frame: their forces do work along it, and at once would shake a load. It
+    stays where no motion paid for the lift."""
+    if state["unpaid_energy"] > 0:
+        return min(GAP_LEFT, max(pair["distance"], -SINKING_DEPTH))
     share = 1.0 if state["led_loop"] == 1 else RETURN_SHARE
     left = max(0.0, 1 - h / (share * state["dt"]))
     return GAP_LEFT - left * max(0.0, GAP_LEFT - max(pair["distance"], -SINKING_DEPTH))
@@ -298,10 +302,10 @@ def _keeps_sliding(pair, x, y, z):
 
 
 @kernel
-def friction_work(bodies, pair):
-    """Work of a row's friction on its bodies over a substep [J]."""
+def friction_work(bodies, pair, h):
+    """Work of a row's friction on its bodies over a substep of length h [J]."""
     n, p = pair["normal"], pair["resting_impulse"]
-    x, y, z = _mean_slip(bodies[pair["body_a"]], bodies[pair["body_b"]], pair)
+    x, y, z = _mean_slip(bodies[pair["body_a"]], bodies[pair["body_b"]], pair, h)
     along = (n[0] * x + n[1] * y + n[2] * z) * (n[0] * p[0] + n[1] * p[1] + n[2] * p[2])
     return p[0] * x + p[1] * y + p[2] * z - along + moment_work(bodies, pair)
 
@@ -380,15 +384,15 @@ def add_changes(bodies, pairs, count, on_path):
 
 
 @kernel
-def _mean_slip(a, b, pair):
-    """Mean over the substep of the velocity of B's material relative to A's at a contact."""
-    x, y, z = _mean_at_contact(b, pair["lever_b"], pair["path_lever_b"], pair["followed"])
-    u, v, w = _mean_at_contact(a, pair["lever_a"], pair["path_lever_a"], pair["followed"])
+def _mean_slip(a, b, pair, h):
+    """Mean over the substep of length h of the velocity of B's material relative to A's at a contact."""
+    x, y, z = _mean_at_contact(b, pair["lever_b"], pair["path_lever_b"], pair["followed"], h)
+    u, v, w = _mean_at_contact(a, pair["lever_a"], pair["path_lever_a"], pair["followed"], h)
     return x - u, y - v, z - w
 
 
 @kernel
-def _mean_at_contact(body, lever, path_lever, followed):
+def _mean_at_contact(body, lever, path_lever, followed, h):
     """Part of a body in `_mean_slip`: lever and angular velocity change together."""
     mean = _mean_velocity(body, lever)
     if followed == 0 or not is_moving(body):
@@ -396,6 +400,9 @@ def _mean_at_contact(body, lever, path_lever, followed):
     w = body["path_omega"] if body["led"] == 1 else body["omega"]
     turn = plus(vector_of(w), -1.0, vector_of(body["old_omega"]))
     way = plus(vector_of(lever), -1.0, vector_of(path_lever))  # a sixth of the lever's change
+    if body["led"] == 1:
+        arm = plus(vector_of(lever), -1.0, body["old_center"])
+        mean = plus(mean, 1.0, cross(mean_omega_curve(body, h), arm))
     return plus(mean, 0.5, cross(turn, way))
 
 

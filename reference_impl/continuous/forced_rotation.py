@@ -1,0 +1,85 @@
+"""Rotation of a body over a substep under the torques of its contacts.
+
+Its angular momentum changes by the angular impulses of both laws: by J over the substep, of which K, that of
+the law of positions, weighs the torque by the time left. A torque that changes evenly gives, at the fraction
+s of the substep,
+
+    L(s) = L(0) + s J - 3 s (1 - s) (J - K).
+
+The rotation vector v from the orientation at the start obeys v' = rate_of(v, omega) with omega = I^-1 L
+(Iserles, Munthe-Kaas, Norsett & Zanna 2000, Lie-group methods, section 4). One step of fourth order is exact
+about a fixed axis.
+"""
+
+from math import sqrt
+
+from touchstone.reference_impl.continuous.free_rotation import is_isotropic
+from touchstone.reference_impl.core.conventions import KEEPS_OMEGA, SIMULATED
+from touchstone.reference_impl.core.kernel import kernel
+from touchstone.reference_impl.core.rotation import (
+    column,
+    cross,
+    dot,
+    invert_symmetric,
+    matrix_of,
+    plus,
+    rate_of,
+    row,
+    times,
+    turn,
+    vector_of,
+)
+
+
+@kernel
+def curve_rotation(body, h):
+    """Set `curve_turn` of a body in a substep of length h [s] to what its rotation vector at the end exceeds
+    that of the mean of `old_omega` and `path_omega` by. Its world inertia is that after free rotation; leaves
+    it at any orientation."""
+    out_curve = body["curve_turn"]
+    out_curve[:] = 0.0
+    free = body["kind"] == SIMULATED and body["driver"] < 0 and body["led"] == 1
+    if not free or body["spin_keeps"] == KEEPS_OMEGA or is_isotropic(body["inertia"]):
+        return
+    own, start, w0, wp = body["scratch"], vector_of(body["momentum"]), body["old_omega"], body["path_omega"]
+    invert_symmetric(body["inverse_inertia"], own)
+    gain = plus(_by(own, vector_of(body["omega"])), -1.0, start)
+    late = plus(plus(gain, 1.0, start), -1.0, _by(own, vector_of(wp)))
+    # a torque changes by twice its mean at most, as a force that never pulls
+    scale = 1.0
+    if 9 * dot(late, late) > dot(gain, gain):
+        scale = sqrt(dot(gain, gain) / dot(late, late)) / 3
+    linear = plus(vector_of(wp), 1 - scale, _by(body["inverse_inertia"], late))
+    late = times(scale, late)
+    invert_symmetric(body["inertia"], own)
+    first = vector_of(w0)
+    second = _rate(body, times(h / 2, first), start, gain, late, 0.5)
+    third = _rate(body, times(h / 2, second), start, gain, late, 0.5)
+    fourth = _rate(body, times(h, third), start, gain, late, 1.0)
+    for i in range(3):
+        mean = (first[i] + 2 * second[i] + 2 * third[i] + fourth[i]) / 6
+        out_curve[i] = h * (mean - (w0[i] + linear[i]) / 2)
+
+
+@kernel
+def mean_omega_curve(body, h):
+    """What the mean angular velocity of a body over a substep of length h exceeds the mean of `old_omega` and
+    `path_omega` by [rad/s]: a rotation vector contains the turn of its rate, too."""
+    turned = times(-h / 12, cross(body["path_omega"], body["old_omega"]))
+    return plus(turned, 1 / h, vector_of(body["curve_turn"]))
+
+
+@kernel
+def _rate(body, v, start, gain, late, s):
+    """Rate of the rotation vector v at the fraction s; the inverse inertia in body axes is in `scratch`."""
+    turn(body["old_orientation"], v[0], v[1], v[2], body["orientation"])
+    matrix_of(body["orientation"], body["rotation"])
+    m, momentum = body["rotation"], plus(plus(start, s, gain), -3 * s * (1 - s), late)
+    spin = _by(body["scratch"], (column(m, 0, momentum), column(m, 1, momentum), column(m, 2, momentum)))
+    return rate_of(v, _by(m, spin))
+
+
+@kernel
+def _by(m, v):
+    """m v, of a tuple."""
+    return row(m, 0, v), row(m, 1, v), row(m, 2, v)
