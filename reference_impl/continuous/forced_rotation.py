@@ -11,8 +11,6 @@ The rotation vector v from the orientation at the start obeys v' = rate_of(v, om
 about a fixed axis.
 """
 
-from math import sqrt
-
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.core.conventions import KEEPS_OMEGA, SIMULATED
 from touchstone.reference_impl.core.kernel import kernel
@@ -45,12 +43,9 @@ def curve_rotation(body, h):
     invert_symmetric(body["inverse_inertia"], own)
     gain = plus(_by(own, vector_of(body["omega"])), -1.0, start)
     late = plus(plus(gain, 1.0, start), -1.0, _by(own, vector_of(wp)))
-    # a torque changes by twice its mean at most, as a force that never pulls
-    scale = 1.0
+    # a torque that never changes sign changes by twice its mean at most: another one is of a landing, or a jam
     if 9 * dot(late, late) > dot(gain, gain):
-        scale = sqrt(dot(gain, gain) / dot(late, late)) / 3
-    linear = plus(vector_of(wp), 1 - scale, _by(body["inverse_inertia"], late))
-    late = times(scale, late)
+        return
     invert_symmetric(body["inertia"], own)
     first = vector_of(w0)
     second = _rate(body, times(h / 2, first), start, gain, late, 0.5)
@@ -58,7 +53,7 @@ def curve_rotation(body, h):
     fourth = _rate(body, times(h, third), start, gain, late, 1.0)
     for i in range(3):
         mean = (first[i] + 2 * second[i] + 2 * third[i] + fourth[i]) / 6
-        out_curve[i] = h * (mean - (w0[i] + linear[i]) / 2)
+        out_curve[i] = h * (mean - (w0[i] + wp[i]) / 2)
 
 
 @kernel
