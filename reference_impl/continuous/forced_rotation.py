@@ -37,13 +37,17 @@ def curve_rotation(body, h):
     out_curve = body["curve_turn"]
     out_curve[:] = 0.0
     free = body["kind"] == SIMULATED and body["driver"] < 0 and body["led"] == 1
-    if not free or body["spin_keeps"] == KEEPS_OMEGA or is_isotropic(body["inertia"]):
+    if not free or body["spin_keeps"] == KEEPS_OMEGA:
         return
     own, start, w0, wp = body["scratch"], vector_of(body["momentum"]), body["old_omega"], body["path_omega"]
+    if is_isotropic(body["inertia"]):
+        # the mean of the rates is exact
+        out_curve[0], out_curve[1], out_curve[2] = times(h * h / 12, cross(wp, w0))
+        return
     invert_symmetric(body["inverse_inertia"], own)
     gain = plus(_by(own, vector_of(body["omega"])), -1.0, start)
     late = plus(plus(gain, 1.0, start), -1.0, _by(own, vector_of(wp)))
-    # a torque that never changes sign changes by twice its mean at most: another one is of a landing, or a jam
+    # a torque that keeps its sign changes by twice its mean at most; another one is of a landing, or a jam
     if 9 * dot(late, late) > dot(gain, gain):
         return
     invert_symmetric(body["inertia"], own)
