@@ -67,7 +67,9 @@ def test_geometry_has_all_rows(measured) -> None:
         assert ours[ours.metric == "depth.error.max"].value.item() <= geometry.FALSE
     times = rows[rows.metric.str.startswith(("time.", "ratio."))]
     measured_times = times[times.verdict != "skipped"]
-    assert ((measured_times.low <= measured_times.value) & (measured_times.value <= measured_times.high)).all()
+    assert (
+        (measured_times.low <= measured_times.value) & (measured_times.value <= measured_times.high)
+    ).all()
     # two queries on a busy machine may take less than the cheapest call
     assert set(times[times.verdict == "skipped"].reason) <= {"queries cost no more than their crossing"}
     assert (rows[rows.metric == "certificate.false"].value == 0).all()
