@@ -26,8 +26,8 @@ from touchstone.reports.run.ratios import ratio_rows, timed
 from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY, Request, Results
 from touchstone.reports.verdict.judge import judged_in, lost
 from touchstone.reports.verdict.rows import excused, measured_of
-from touchstone.reports.views.comparison_pictures import draw, draw_forces
-from touchstone.reports.views.frame_budget import write_picture
+from touchstone.reports.views.comparison_pictures import draw
+from touchstone.reports.views.frame_budget import BUDGET_PICTURE, write_picture
 from touchstone.reports.views.markdown import report
 from touchstone.scenarios.scenario import Scenario
 
@@ -103,15 +103,14 @@ def run(request: Request, progress: Progress, judged_scene: Listener = lambda fr
         }
         save_manifest(folder, manifest)
 
-        results.write("report.html", lambda: write_page(request, results, manifest, folder))
-        results.write("pictures", lambda: write_picture(results.recordings, folder))
-        results.write("pictures", lambda: draw(request, results, folder))
-        results.write("pictures", lambda: draw_forces(request, results, folder))
         page = folder / "report.md"
         results.write(
             page.name,
             lambda: write_beside(page, lambda part: part.write_text(report(request, results), "utf-8")),
         )
+        results.write("report.html", lambda: write_page(request, results, manifest, folder))
+        results.write(BUDGET_PICTURE, lambda: write_picture(results.recordings, folder))
+        results.write("pictures", lambda: draw(request, results, folder))
     return results
 
 
