@@ -142,6 +142,7 @@ def run(
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.study import run as run_study
+    from touchstone.reports.run.without_figures import without_figures
     from touchstone.reports.runner.request import TooLargeError, check_memory, limited
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
@@ -181,7 +182,8 @@ def run(
         raise broken[0]
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
-    if not options.printed(results.frame, output) and not quiet:
+    lacking = without_figures(request.metrics, results)
+    if not options.printed(results.frame, output) and not quiet and not lacking:
         from touchstone.reports.views.first_screen import first_screen
         from touchstone.reports.views.losses import losses_part
         from touchstone.reports.views.published import published_part
@@ -200,6 +202,8 @@ def run(
     for line in results.faults:
         print(line, file=sys.stderr)
     options.exit_for(results.frame.verdict, bool(engine), bool(results.faults))
+    if lacking:
+        options.stop(f"--metric {', '.join(metric or [])}: {lacking}")
 
 
 def _ignore(frame: pd.DataFrame) -> None:
@@ -215,7 +219,7 @@ def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[
     from touchstone.reports.views.terminal import scene_parts
 
     def show(frame: pd.DataFrame) -> None:
-        if broken:
+        if broken or ((frame.verdict == "skipped") & (frame.metric != "run")).all():
             return
         try:
             with stepping_aside(progress):

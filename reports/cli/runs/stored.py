@@ -59,12 +59,16 @@ def compare(
         table_of,
         tolerances,
     )
+    from touchstone.reports.run.without_figures import families
     from touchstone.scenarios.files.read import SceneFileError
 
     with options.refusing(RunError, SceneFileError):
         one, two = table_of(run_a), table_of(run_b)
         if metric:
-            wanted = metrics_for(metric)
+            wanted, there = metrics_for(metric), {*one.metric, *two.metric}
+            if not there & set(wanted):
+                valid = ", ".join(families(there - {"run"})) or "none"
+                options.stop(f"--metric {', '.join(metric)}: in neither run (valid here: {valid})")
             one, two = (frame[frame.metric.isin(wanted) | (frame.metric == "run")] for frame in (one, two))
         found = changes(one, two, tolerances(tolerance), match is Matching.profile)
     counts = {kind: int((found.kind == kind).sum()) for kind in KINDS}
@@ -124,6 +128,7 @@ def judge(
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.judge_again import judge as judge_again
+    from touchstone.reports.run.without_figures import without_figures
     from touchstone.reports.views.terminal import report
 
     folder = out or options.folder_of_now("judged-")
@@ -134,7 +139,10 @@ def judge(
         results = judge_again(run, folder, progress, chosen, of_file, command)
     for line in [] if quiet else judge_faults():
         print(line, file=sys.stderr)
-    options.ended(results.frame, report, folder, output, quiet)
+    lacking = without_figures(chosen, results)
+    options.ended(results.frame, (lambda _: []) if lacking else report, folder, output, quiet)
+    if lacking:
+        options.stop(f"--metric {', '.join(metric or [])}: {lacking}")
 
 
 def tolerances(
