@@ -63,7 +63,7 @@ for command in COMMANDS:
     app.command("import" if command is import_robot else None)(command)
 
 
-Listing = StrEnum("Listing", "scenarios engines metrics profiles settings failings")
+Listing = StrEnum("Listing", "scenarios tags engines metrics profiles settings failings")
 """Arguments of `list`."""
 
 
@@ -267,7 +267,7 @@ def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenar
 def list_things(
     what: Listing, out: options.PrintedOutOption = None, output: options.FormatOption = options.Format.table
 ) -> None:
-    """List scenarios, engines, metrics, profiles, settings of every engine, or known failings."""
+    """List scenarios, their tags, engines, metrics, profiles, settings of every engine, or known failings."""
     from touchstone.reports.docs.listing import LISTS, show_rows
 
     with options.output_to(out):

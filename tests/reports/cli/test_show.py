@@ -18,7 +18,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.runner.tasks import own_settings
 from touchstone.reports.studies import effects
 from touchstone.reports.studies.effects import REFERENCE, TOGGLED, toggles
-from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.catalogue import catalogue, tags
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.files.write import scene_data
 
@@ -26,7 +26,7 @@ BALL = [{"name": "ball", "shape": {"radius": 0.05}}]
 
 
 @pytest.mark.parametrize("form", ["table", "json", "csv"])
-@pytest.mark.parametrize("what", ["scenarios", "engines", "metrics", "profiles"])
+@pytest.mark.parametrize("what", ["scenarios", "tags", "engines", "metrics", "profiles"])
 def test_lists_in_every_format(touchstone, monkeypatch, what, form):
     """Each list names all there is, parses in its format, and writes nothing else."""
     monkeypatch.setenv("COLUMNS", "120")
@@ -34,6 +34,7 @@ def test_lists_in_every_format(touchstone, monkeypatch, what, form):
     assert (code, err) == (0, "")
     wanted = {
         "scenarios": list(catalogue()),
+        "tags": list(tags()),
         "engines": list(available()),
         "metrics": list(METRICS),
         "profiles": [profile for entry in ENGINES.values() for profile in entry.profiles],
