@@ -271,11 +271,12 @@ def tuned_scenes(scenario: str, tag: str, allow_paths: bool) -> dict[str, Scenar
 def cost_lines(asked: Asked) -> list[str]:
     """What is about to be played."""
     from touchstone.reports.studies.tuning import Search
+    from touchstone.scenarios.plural import plural
 
     seconds = sum(scenario.duration for scenario in asked.scenes.values())
     search = Search(asked, lambda label, cells: None)
     truths, plays = len(search.truths), max(asked.plays, len(search.space.profiles()))
-    also = f", {truths} plays of the reference for what is true" if truths else ""
+    also = f", {plural(truths, 'play')} of the reference for what is true" if truths else ""
     scenes = (
         f"{len(asked.scenes)} scenes" if len(asked.scenes) > 1 else next(iter(asked.scenes.values())).name
     )

@@ -29,6 +29,7 @@ from touchstone.reports.verdict.rows import excused, measured_of
 from touchstone.reports.views.comparison_pictures import draw
 from touchstone.reports.views.frame_budget import BUDGET_PICTURE, write_picture
 from touchstone.reports.views.markdown import report
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario
 
 HEAP_BUDGET, LARGE_BUDGET = 60.0, 180.0
@@ -182,7 +183,7 @@ def judge_outcomes(
             continue
         recording = load(job.recording)
         if len(recording.time_frame) < scenario.frame_count:
-            frames = f"{len(recording.time_frame)} of {scenario.frame_count} frames"
+            frames = f"{len(recording.time_frame)} of {plural(scenario.frame_count, 'frame')}"
             reason = f"slow: its steps took {recording.time_frame.sum():.3g} s for {frames}"
             rows.append(replace(base, verdict="skipped", reason=reason))
             results.ended[scenario.name, job.engine, label] = recording

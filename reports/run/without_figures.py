@@ -29,7 +29,7 @@ def without_figures(asked: Sequence[str], results: Results) -> str:
 
 
 def families(names: Iterable[str]) -> list[str]:
-    """Names of metrics, those that begin alike as one pattern that `--metric` takes."""
+    """Names of metrics; several that begin with the same word as one pattern for `--metric`."""
     of_family: dict[str, list[str]] = {}
     for name in dict.fromkeys(names):
         of_family.setdefault(name.partition(".")[0], []).append(name)

@@ -61,6 +61,7 @@ def compare(
     )
     from touchstone.reports.run.without_figures import families
     from touchstone.scenarios.files.read import SceneFileError
+    from touchstone.scenarios.plural import plural
 
     with options.refusing(RunError, SceneFileError):
         one, two = table_of(run_a), table_of(run_b)
@@ -80,7 +81,7 @@ def compare(
             shown = found if every else found[found.kind.isin([*FAILING, "better"])]
             print_parts(report(shown), console())
             listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
-            print(f"{len(one)} and {len(two)} rows: {listed}")
+            print(f"{len(one)} and {plural(len(two), 'row')}: {listed}")
     for row in found[found.kind.isin(failing)].to_dict("records") if quiet else ():
         place = " ".join(filter(None, (row[name] for name in PLACE)))
         print(f"{row['kind']}: {place}: {row['reason']}", file=sys.stderr)
@@ -103,6 +104,7 @@ def measure(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]
     from touchstone.reports.results import rows_of
     from touchstone.reports.verdict.failings import FILE, FailingsError, read, write
     from touchstone.reports.verdict.measure import difference, measured
+    from touchstone.scenarios.plural import plural
 
     with options.refusing(RunError, FailingsError):
         old = read(FILE)
@@ -110,7 +112,7 @@ def measure(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]
     changed = list(difference(old, new))
     if changed:
         write(new.values(), FILE)
-    print("\n".join([*changed, f"{FILE}: {len(new)} lines, {len(changed)} changed"]))
+    print("\n".join([*changed, f"{FILE}: {plural(len(new), 'line')}, {len(changed)} changed"]))
 
 
 def judge(

@@ -90,7 +90,7 @@ def test_tendons_of_joints_and_skins_are_noted(load):
 <geom size="0.1"/></body></body></worldbody>
 <tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>
 </mujoco>"""
-    assert "left out: 1 tendons that couple joints" in load(text, "robot.xml").notes
+    assert "left out: 1 tendon between joints" in load(text, "robot.xml").notes
 
 
 @pytest.mark.parametrize(
