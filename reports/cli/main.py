@@ -100,7 +100,9 @@ def run(
     scenario: Annotated[
         options.Names, typer.Argument(help="Scenes or files of scenes (default: --tag).")
     ] = None,
-    tag: Annotated[str, typer.Option(help="Play every scene with this tag (default: gallery).")] = "",
+    tag: Annotated[
+        str | None, typer.Option(help="Play every scene with this tag (default: gallery).")
+    ] = None,
     engine: Annotated[options.Names, typer.Option(help="Engines (default: all installed).")] = None,
     profile: Annotated[
         options.Names, typer.Option(help="Profiles (default: balanced, paper, recommended).")
@@ -146,10 +148,12 @@ def run(
     from touchstone.reports.runner.request import TooLargeError, check_memory, limited
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
-    if scenario and tag:
+    if scenario and tag is not None:
         options.stop(f"--tag {tag}: scenes are named too; give one of both")
     scenarios = _tracked(
-        scenarios_for(scenario or [], tag or "gallery", hold_last, allow_paths), tracker, drive
+        scenarios_for(scenario or [], "gallery" if tag is None else tag, hold_last, allow_paths),
+        tracker,
+        drive,
     )
     if install:
         install_environments(engine or [])

@@ -51,6 +51,8 @@ WRONG = [
     ("run --engine zzz", "unknown engine 'zzz' (valid: reference, dart, bullet, mujoco"),
     ("run --metric overlp.max", "unknown metric 'overlp.max'; did you mean 'overlap.max'"),
     ("run --tag galery", "unknown tag 'galery'; did you mean 'gallery'?"),
+    ("run --tag ''", "unknown tag '' (valid: belt, collective, "),
+    ("nightly --store ''", "--store: name a folder, or a URL"),
     ("run slip --tag probe", "--tag probe: scenes are named too; give one of both"),
     ("run --profile equal_step", "unknown profile 'equal_step'; did you mean 'equal-step'?"),
     ("run --engine dart --profile paper", "no engine of dart has the profile paper"),
