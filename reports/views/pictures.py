@@ -77,8 +77,8 @@ def save(chart: Any, path: Path, title: str = "", note: str = "", kind: str = "p
     }
     found = {**chart.to_dict(), **({"title": head} if title else {}), "config": look}
     if kind == "svg":
-        text = svg(found)
-        write_beside(path, lambda part: part.write_text(text, "utf-8"))
+        drawing = svg(found)
+        write_beside(path, lambda part: part.write_text(drawing, "utf-8"))
     else:
         drawn = Image.open(BytesIO(png(found))).convert("RGB")
         # a fifth of the size of a file with 8 bits a channel
