@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import CONTACT_FIELDS, LARGEST_STATE, AdapterError, Array
 from touchstone.scenarios.files.safe_paths import DAMAGED, regular
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario, ScenarioError, ShortRepr
 
 FORMAT_VERSION = 3
@@ -211,7 +212,9 @@ def _check(columns: Mapping[str, NDArray[Any]]) -> None:
     if time.ndim != 1 or time.dtype != float or not len(time):
         raise ValueError(f"time: found {_kind(time)}, expected one frame or more")
     if len(time) > scenario.frame_count + 1:
-        raise ValueError(f"time: found {len(time)} frames, expected at most {scenario.frame_count + 1}")
+        raise ValueError(
+            f"time: found {plural(len(time), 'frame')}, expected at most {scenario.frame_count + 1}"
+        )
     if not (np.abs(time * scenario.frame_rate - np.arange(len(time))) < ROUNDING).all():
         raise ValueError(f"time: expected {scenario.frame_rate} frames a second, the first at 0 s")
     sizes = {
@@ -248,7 +251,7 @@ def _check_numbers(columns: Mapping[str, NDArray[Any]]) -> None:
     rows, end = columns["contacts"], columns["time"][-1] * (1 + ROUNDING)
     for name in ("body_a", "body_b"):
         if not ((rows[name] >= 0) & (rows[name] < count)).all():
-            raise ValueError(f"contacts: {name}: expected indices of the {count} bodies")
+            raise ValueError(f"contacts: {name}: expected indices of {plural(count, 'body')}")
     if not ((rows["time"] >= 0) & (rows["time"] <= end)).all():
         raise ValueError("contacts: time: expected times of the run")
     for name, numbers in CONTACTS.items():

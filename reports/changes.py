@@ -39,6 +39,7 @@ from touchstone.reports.results import COLUMNS, NUMBERS, UNJUDGED
 from touchstone.reports.runner.request import step_text
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.files.read import SceneFileError, data_of_file
+from touchstone.scenarios.plural import plural
 
 NEEDED = (
     *("study", "scenario", "engine", "profile", "metric", "subject", "verdict", "reason", "unit"),
@@ -184,7 +185,8 @@ def toml_of(found: pd.DataFrame, runs: Sequence[str]) -> str:
     for row in found.to_dict("records"):
         lines += [
             "",
-            f"[[tolerances]] # {row['rows']} rows: largest {row['largest']:.2f}, median {row['median']:.3f}",
+            f"[[tolerances]] # {plural(row['rows'], 'row')}: "
+            f"largest {row['largest']:.2f}, median {row['median']:.3f}",
         ]
         lines += [f'metric = "{row["metric"]}"', f"relative = {_number(row['tolerance'])}"]
     return "\n".join(lines) + "\n"

@@ -167,9 +167,13 @@ def play(pytestconfig: pytest.Config) -> Iterator[Callable[..., Recording]]:
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
     """Say how many runs were played, and how many an earlier session had played."""
+    from touchstone.scenarios.plural import plural
+
     played, found = config.stash.get(COUNTS, (0, 0))
     if found:
-        terminalreporter.write_line(f"touchstone: {played} runs played, {found} kept from earlier sessions")
+        terminalreporter.write_line(
+            f"touchstone: {plural(played, 'run')} played, {found} kept from earlier sessions"
+        )
 
 
 @pytest.hookimpl(wrapper=True)

@@ -19,6 +19,30 @@ from touchstone.scenarios.scenario import HOLD_LAST, Scenario, ScenarioError
 
 Scene = Callable[[], Scenario | tuple[Scenario, ...]]
 _MARK = "is_touchstone_scene"
+TAGS = {
+    "belt": "a surface moves",
+    "collective": "many contacts act at a time, so that metrics of a single pair tell nothing",
+    "conservative": "energy is kept",
+    "curved": "bodies roll, rock and slip with a truth",
+    "driven": "hands and persons press, hold, lift and carry",
+    "friction_laws": "static, rolling or torsional friction",
+    "gallery": "what `touchstone run` plays",
+    TAG: "hard cases, built when they are asked for",
+    "headings": "equal bodies differ in their heading alone",
+    "heap": "hundreds of pairs touch",
+    "impact": "bodies meet",
+    "isolated": "momentum is kept",
+    "joints": "joints connect bodies",
+    "large": "engines take minutes",
+    "literature": "published values",
+    "prescribed": "a prescribed body carries others",
+    "probe": "what the invariants of tests run over",
+    "seeded": "a seed draws speeds and friction",
+    "settles": "all comes to rest",
+    "symmetric": "the scene is its own mirror image at x = 0",
+    "terrain": "height fields and meshes",
+}
+"""What the scenes of each tag have in common. Scene files may have others."""
 
 
 def scene(function: Scene) -> Scene:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Body, Scenario, Sphere
 
 Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ class Meetings:
     def named(self, pairs: list[Pair]) -> str:
         """The first pair by name, and the number of others."""
         one, two = (self.scenario.bodies[k].name for k in pairs[0])
-        return f"{one} and {two}" + (f" and {len(pairs) - 1} pairs more" if len(pairs) > 1 else "")
+        return f"{one} and {two}" + (f" and {plural(len(pairs) - 1, 'pair')} more" if len(pairs) > 1 else "")
 
     def apart(self, pairs: list[Pair]) -> str:
         """The pair that comes nearest, and how near."""
@@ -116,7 +117,7 @@ def _contact(known: Meetings) -> Need:
         return False, "no two bodies may touch"
     if not met:
         return False, known.apart(others)
-    reason = f"{len(met)} of {len(known.may_touch)} pairs can meet: {known.named(known.meeting)}"
+    reason = f"{len(met)} of {plural(len(known.may_touch), 'pair')} can meet: {known.named(known.meeting)}"
     return True, f"{reason}; of the others {known.apart(others)}" if others else reason
 
 
@@ -154,7 +155,9 @@ def _attraction(known: Meetings) -> Need:
 
 def _virtual_coupling(known: Meetings) -> Need:
     trackers = len(known.scenario.trackers)
-    return bool(trackers), f"{trackers} bodies follow trackers" if trackers else "no body follows a tracker"
+    return bool(
+        trackers
+    ), f"{plural(trackers, 'tracker')} to follow" if trackers else "no body follows a tracker"
 
 
 def _sweep(known: Meetings) -> Need:
@@ -175,7 +178,7 @@ def _rotation(known: Meetings) -> Need:
         if any(scenario.bodies[k].angular_velocity):
             return True, f"{scenario.bodies[k].name} spins from the start"
     if scenario.body_joints:
-        return True, f"{len(scenario.body_joints)} joints can turn bodies"
+        return True, f"{plural(len(scenario.body_joints), 'joint')} can turn bodies"
     for pair in known.meeting:
         for k in simulated & set(pair):
             body, other = scenario.bodies[k], scenario.bodies[sum(pair) - k]
@@ -189,7 +192,7 @@ def _rotation(known: Meetings) -> Need:
 
 def named_body(bodies: list[Body]) -> str:
     """Name of the first body, and the number of others."""
-    return bodies[0].name + (f" and {len(bodies) - 1} bodies more" if len(bodies) > 1 else "")
+    return bodies[0].name + (f" and {plural(len(bodies) - 1, 'body')} more" if len(bodies) > 1 else "")
 
 
 def centred_ball(body: Body) -> bool:

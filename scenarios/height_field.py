@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf, isfinite
 
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Hull, Piece, Vector
 
 MOST_CELLS = 4096
@@ -29,7 +30,7 @@ class HeightField:
         """Fields that are wrong, and what is expected of them."""
         widths = {len(row) for row in self.heights}
         if len(self.heights) < 2 or len(widths) > 1 or min(widths) < 2:
-            found = f"{len(self.heights)} row{'s' * (len(self.heights) != 1)} of {sorted(widths)} points"
+            found = f"{plural(len(self.heights), 'row')} of {sorted(widths)} points"
             yield "heights", f"found {found}, expected two or more of two or more, all as long"
         elif (len(self.heights) - 1) * (min(widths) - 1) > MOST_CELLS:
             yield (

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Matrix, Vector, vector
 
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ def rounded_mass_properties(
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as error:
-        raise ValueError(f"{len(points)} vertices span no volume") from error
+        raise ValueError(f"{plural(len(points), 'vertex')} span no volume") from error
     inside = points.mean(axis=0)
     parts = [*_faces(points - inside, hull, radius), *_edges_and_corners(points - inside, hull, radius)]
     volume = sum(part[0] for part in parts)

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.rounded_solid import rounded_mass_properties, surface_points
 from touchstone.scenarios.scenario import (
     IDENTITY,
@@ -114,7 +115,7 @@ def hull_mass_properties(
         faces = ConvexHull(points)
     except (QhullError, ValueError) as error:
         reason = f"{error}".strip().partition("\n")[0]
-        raise ValueError(f"{len(points)} vertices span no volume: {reason}") from error
+        raise ValueError(f"{plural(len(points), 'vertex')} span no volume: {reason}") from error
     # Tetrahedra from a point inside to every triangle. Sums are exact: BLAS rounds by processor.
     inside = points.mean(axis=0)
     corners = points[faces.simplices] - inside

@@ -27,6 +27,7 @@ from touchstone.scenarios.avatar.number_checks import (
 from touchstone.scenarios.avatar.tracker_checks import check_driving, check_tracker
 from touchstone.scenarios.body_joints import check_body_joints
 from touchstone.scenarios.effects import centred_ball
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import (
     CHECKS,
     EFFECTS,
@@ -219,7 +220,7 @@ def check_piece(piece: Piece, path: str, report: Report) -> None:
 
 def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:
     if inertia.shape != (3, 3):
-        report(path, f"found {len(inertia)} rows, expected 3")
+        report(path, f"found {plural(len(inertia), 'row')}, expected 3")
         return
     if np.abs(inertia - inertia.T).max() > SYMMETRY * np.abs(inertia).max():
         report(path, "found an asymmetric matrix, expected a symmetric one")
@@ -262,7 +263,7 @@ def _check_shape(shape: Shape, path: str, report: Report) -> None:
 
 def _check_hull(vertices: np.ndarray, path: str, report: Report) -> None:
     if len(vertices) < 4:
-        report(path, f"found {len(vertices)} vertices, expected at least 4")
+        report(path, f"found {plural(len(vertices), 'vertex')}, expected at least 4")
         return
     size = np.ptp(vertices, axis=0).max()
     sizes([size], path, report)

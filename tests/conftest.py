@@ -55,8 +55,8 @@ from touchstone.scenarios.scenario import (
 )
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
-# on a loaded machine cases are drawn slowly
-hypothesis_settings.register_profile("fresh", suppress_health_check=[HealthCheck.too_slow])
+# on a loaded machine cases are drawn and tested slowly
+hypothesis_settings.register_profile("fresh", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 hypothesis_settings.load_profile("fresh")
 # `make test` draws the same cases every time; `make test-all` draws new ones
 hypothesis_settings.register_profile("repeatable", hypothesis_settings.get_profile("fresh"), derandomize=True)

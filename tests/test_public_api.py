@@ -84,7 +84,6 @@ def test_a_run_needs_no_guard_and_no_free_names(tmp_path: Path, way: str):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=300,
     )
     assert (done.stdout, done.returncode) == ("(1, 3) True\n", 0), done.stderr
 

@@ -11,14 +11,15 @@ import numpy as np
 from touchstone.adapters.robots.links import BALL, FREE, HINGE, UNLIMITED
 from touchstone.adapters.robots.pieces import surface_velocity
 from touchstone.adapters.robots.source import Source
+from touchstone.scenarios.plural import plural
 
 SECTIONS = {
-    "actuator": "actuators: a tracker drives the hinges",
-    "sensor": "sensors",
-    "keyframe": "keyframes: the robot starts in its reference posture",
+    "actuator": ("actuator", ": a tracker drives the hinges"),
+    "sensor": ("sensor", ""),
+    "keyframe": ("keyframe", ": the robot starts in its reference posture"),
 }
-"""Sections of MJCF whose elements are left out."""
-ELEMENTS = {"fixed": "tendons that couple joints", "skin": "skins, which are drawn and touch nothing"}
+"""Sections of MJCF whose elements are left out: an element, and what follows its number."""
+ELEMENTS = {"fixed": ("tendon", " between joints"), "skin": ("skin", ", drawn and touching nothing")}
 """Other elements of MJCF that are left out."""
 
 
@@ -37,14 +38,14 @@ def left_out(source: Source, kept: Collection[str] | None) -> list[str]:
     for a simulated robot, which keeps springs, damping, actuators and exclusions; `couplings.py` has its
     couplings of joints."""
     model, notes, driven = source.model, [], kept is not None
-    for section, text in SECTIONS.items():
+    for section, (word, text) in SECTIONS.items():
         if section == "actuator" and not driven:
             continue
         several = [
             one for element in source.root.walk() if element.tag == section for one in element.children
         ]
         if source.form == "mjcf" and several:
-            notes.append(f"left out: {len(several)} {text}")
+            notes.append(f"left out: {plural(len(several), word)}{text}")
     equalities = [
         one for element in source.root.walk() if element.tag == "equality" for one in element.children
     ]
@@ -58,9 +59,9 @@ def left_out(source: Source, kept: Collection[str] | None) -> list[str]:
     for coupled in (*equalities, *mimics):
         name = coupled.attributes.get("joint1") or coupled.attributes.get("name") or coupled.tag
         notes.append(f"left out: the coupling of joint {name!r}")
-    for tag, text in ELEMENTS.items():
+    for tag, (word, text) in ELEMENTS.items():
         if count := sum(one.tag == tag for one in source.root.walk()):
-            notes.append(f"left out: {count} {text}")
+            notes.append(f"left out: {plural(count, word)}{text}")
     hinges = np.flatnonzero(model.jnt_type == HINGE if driven else model.jnt_type != FREE)
     dofs = model.jnt_dofadr[hinges]
     counts = Counter(
@@ -71,21 +72,22 @@ def left_out(source: Source, kept: Collection[str] | None) -> list[str]:
             "rotor inertia (armature)": _count(model.dof_armature[dofs]),
         }
     )
-    of = "hinges" if driven else "joints"
-    notes += [f"left out: {what} of {count} {of}" for what, count in counts.items() if count]
+    of = "hinge" if driven else "joint"
+    notes += [f"left out: {what} of {plural(count, of)}" for what, count in counts.items() if count]
     if not driven and model.body_gravcomp.any():
-        notes.append(f"left out: compensation of gravity of {np.count_nonzero(model.body_gravcomp)} bodies")
+        held = plural(int(np.count_nonzero(model.body_gravcomp)), "body")
+        notes.append(f"left out: compensation of gravity of {held}")
     if not driven and (model.opt.density or model.opt.viscosity):
         notes.append("left out: the fluid that bodies move in")
     drawn = int(np.count_nonzero((model.geom_contype == 0) & (model.geom_conaffinity == 0)))
     if drawn:
-        notes.append(f"left out: {drawn} geoms that are drawn and touch nothing")
+        notes.append(f"left out: {plural(drawn, 'geom')}, drawn and touching nothing")
     moving = np.flatnonzero(getattr(model, "geom_surfacevel", np.zeros((model.ngeom, 6))).any(axis=1))
     if dropped := [geom for geom in moving if not surface_velocity(model, int(geom)).any()]:
-        notes.append(f"left out: moving surfaces of {len(dropped)} geoms whose bodies can move")
+        notes.append(f"left out: moving surfaces of {plural(len(dropped), 'geom')} of bodies that can move")
     if model.npair or (model.nexclude and driven):
-        and_exclusions = f" and {model.nexclude} exclusions" if driven else ""
-        notes.append(f"left out: {model.npair} pairs{and_exclusions} of contact")
+        and_exclusions = f" and {plural(model.nexclude, 'exclusion')}" if driven else ""
+        notes.append(f"left out: {plural(model.npair, 'pair')}{and_exclusions} of contact")
     if kept is None:
         return notes
     unlimited = [

@@ -21,6 +21,7 @@ from touchstone.adapters.robots.pieces import PieceMaker, geoms_of, masks_allow,
 from touchstone.adapters.robots.source import Source
 from touchstone.scenarios.avatar.kinematics import piece_box
 from touchstone.scenarios.body_joints import WORLD
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Body, BodyJoint, vector
 
 HOLD_FREQUENCY = 20.0
@@ -212,7 +213,7 @@ def add_exclusions(maker: PieceMaker, parts: Parts, notes: list[str]) -> None:
         more = f", and {len(over) - 5} more" if len(over) > 5 else ""
         notes.append(f"contacts: links that overlap at the start do not touch: {', '.join(over[:5])}{more}")
     if mixed:
-        notes.append(f"contacts: {mixed} pairs of bodies touch with all shapes; in the model, with some")
+        notes.append(f"contacts: all shapes of {plural(mixed, 'pair')} of bodies touch; in the model, some")
 
 
 def _overlaps(maker: PieceMaker, parts: Parts, joined: set[frozenset[str]]) -> dict[tuple[str, str], float]:

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from touchstone.adapters.robots.links import HINGE, SLIDE, joint_name
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import UNBOUNDED
 
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
@@ -59,7 +60,7 @@ def drives_of(model: Any, notes: list[str]) -> dict[int, list[Drive]]:
             notes.append(f"actuator {name!r}: its force is at most {drive.largest:g} both ways")
         found.setdefault(int(model.actuator_trnid[k, 0]), []).append(drive)
     if idle:
-        notes.append(f"actuators: {idle} motors exert nothing, since controls are 0")
+        notes.append(f"actuators: no force of {plural(idle, 'motor')}, since controls are 0")
     if idle < sum(map(len, found.values())):
         notes.append("actuators: servos are springs and dampers, with controls of 0")
     return found
@@ -141,7 +142,9 @@ def notes_of(model: Any, joints: list[int], drives: dict[int, list[Drive]], hold
         names = _listed(model, passive)
         notes.append(f"joints {names}: the largest force of the motor bounds its spring and damper too")
     if weak := [joint for joint in limited if joint not in drives]:
-        notes.append(f"left out: largest efforts of {len(weak)} joints without motors; --hold adds servos")
+        notes.append(
+            f"left out: largest efforts of {plural(len(weak), 'joint')} without motors; --hold adds servos"
+        )
     if constant:
         notes.append(f"left out: constant forces of the motors of joints {_listed(model, constant)}")
     return notes

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from touchstone.adapters.engines.mujoco.model import hear_warnings
+from touchstone.adapters.robots.file_faults import MJCF_NUMBERS, URDF_NUMBERS, link_faults, number_faults
 from touchstone.adapters.robots.fused_inertia import fuse_inertia, links_and_joints
 from touchstone.adapters.robots.robot_error import RobotError
 from touchstone.adapters.robots.xml_source import Element, found_file, is_text_stl, number, parsed
@@ -103,7 +104,8 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
             mesh.attributes["filename"] = str(file)
         except RobotError as error:
             faults.append(str(error))
-    faults += _massless(root)
+    faults += [*link_faults(root), *number_faults(root, URDF_NUMBERS)]
+    faults += [] if faults else _massless(root)
     if faults:
         raise RobotError("\n".join(faults))
     fuse_inertia(root)
@@ -163,6 +165,7 @@ def _massless(root: Element) -> list[str]:
 def _check_mjcf(root: Element, path: Path, allow_paths: bool) -> None:
     """Refuse elements that cannot be kept; included files become part of the tree."""
     faults = _include(root, path, allow_paths)
+    faults += number_faults(root, MJCF_NUMBERS)
     folders: dict[str, str] = {}
     for compiler in (one for one in root.walk() if one.tag == "compiler"):
         folders |= {key: value for key, value in compiler.attributes.items() if key.endswith("dir")}

@@ -35,6 +35,7 @@ from touchstone.reports.views.bench_tables import MICRO, limit_text, remarks, sp
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario
 
 BUDGET = 5.0
@@ -219,7 +220,7 @@ def _times(base: Row, column: Timed, frame_count: int) -> Iterator[Row]:
     remark = f"its first {count} of {frame_count} frames; " if count < frame_count else ""
     for suffix, statistic in STATISTICS.items():
         found = restart_interval(column.times, statistic, every if suffix else chosen)
-        reason = f"{remark}{restarts} restart{'s' if restarts > 1 else ''}, contact in {len(chosen)} frames"
+        reason = f"{remark}{plural(restarts, 'restart')}, contact in {plural(len(chosen), 'frame')}"
         yield with_interval(base, found, metric=f"time.frame{suffix}", unit="s", reason=reason)
 
 

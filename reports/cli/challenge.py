@@ -114,10 +114,12 @@ def _lines(before: str, after: str, tables: list[list[Row]]) -> Iterator[str]:
     """Counts and times of both columns, then the scenes whose counts differ."""
     from collections import Counter
 
+    from touchstone.scenarios.plural import plural
+
     counts = [Counter(row.scenario for row in missed(rows)) for rows in tables]
     times = [sum(row.value for row in rows if row.metric == TIME) for rows in tables]
     for name, count, time in zip((before, after), counts, times):
-        yield f"{name}: {count.total()} rows over their limits; sum of median frames {time * 1e3:.3g} ms"
+        yield f"{name}: {plural(count.total(), 'row')} over limits; sum of median frames {time * 1e3:.3g} ms"
     yield "one run of each: times are no verdict (touchstone bench frame)"
     for word, sign in (("better", -1), ("worse", 1)):
         found = {name: counts[1][name] - counts[0][name] for name in {*counts[0], *counts[1]}}

@@ -271,15 +271,17 @@ def tuned_scenes(scenario: str, tag: str, allow_paths: bool) -> dict[str, Scenar
 def cost_lines(asked: Asked) -> list[str]:
     """What is about to be played."""
     from touchstone.reports.studies.tuning import Search
+    from touchstone.scenarios.plural import plural
 
     seconds = sum(scenario.duration for scenario in asked.scenes.values())
-    truths = len(Search(asked, lambda label, cells: None).truths)
-    also = f", {truths} plays of the reference for what is true" if truths else ""
+    search = Search(asked, lambda label, cells: None)
+    truths, plays = len(search.truths), max(asked.plays, len(search.space.profiles()))
+    also = f", {plural(truths, 'play')} of the reference for what is true" if truths else ""
     scenes = (
         f"{len(asked.scenes)} scenes" if len(asked.scenes) > 1 else next(iter(asked.scenes.values())).name
     )
     return [
-        f"tune {scenes} on {asked.engine}: {asked.plays} settings of {seconds:g} simulated seconds{also}; "
+        f"tune {scenes} on {asked.engine}: {plays} settings of {seconds:g} simulated seconds{also}; "
         f"Ctrl-C keeps what was played in {asked.store}"
     ]
 
@@ -298,7 +300,9 @@ def tuned_lines(asked: Asked, found: Found, pasted: list[str]) -> list[str]:
     """The answer as text."""
     best = found.best
     head = "best" if found.met else "no setting reaches the limits; nearest"
-    text = [f"{head} of {found.tried}: {words_of(best)}", f"  {margins(best, asked.limits)}", "to paste:"]
+    every = "" if found.tried >= asked.plays else ", all that differ"
+    text = [f"{head} of {found.tried} settings{every}: {words_of(best)}"]
+    text += [f"  {margins(best, asked.limits)}", "to paste:"]
     text += [f"  {line}" for line in pasted]
     if found.ablation:
         text.append("what each setting does, put back to the default:")

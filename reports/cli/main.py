@@ -63,7 +63,7 @@ for command in COMMANDS:
     app.command("import" if command is import_robot else None)(command)
 
 
-Listing = StrEnum("Listing", "scenarios engines metrics profiles settings failings")
+Listing = StrEnum("Listing", "scenarios tags engines metrics profiles settings failings")
 """Arguments of `list`."""
 
 
@@ -100,7 +100,9 @@ def run(
     scenario: Annotated[
         options.Names, typer.Argument(help="Scenes or files of scenes (default: --tag).")
     ] = None,
-    tag: Annotated[str, typer.Option(help="Play every scene with this tag (default: gallery).")] = "",
+    tag: Annotated[
+        str | None, typer.Option(help="Play every scene with this tag (default: gallery).")
+    ] = None,
     engine: Annotated[options.Names, typer.Option(help="Engines (default: all installed).")] = None,
     profile: Annotated[
         options.Names, typer.Option(help="Profiles (default: balanced, paper, recommended).")
@@ -142,13 +144,16 @@ def run(
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.study import run as run_study
+    from touchstone.reports.run.without_figures import without_figures
     from touchstone.reports.runner.request import TooLargeError, check_memory, limited
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
-    if scenario and tag:
+    if scenario and tag is not None:
         options.stop(f"--tag {tag}: scenes are named too; give one of both")
     scenarios = _tracked(
-        scenarios_for(scenario or [], tag or "gallery", hold_last, allow_paths), tracker, drive
+        scenarios_for(scenario or [], "gallery" if tag is None else tag, hold_last, allow_paths),
+        tracker,
+        drive,
     )
     if install:
         install_environments(engine or [])
@@ -181,7 +186,8 @@ def run(
         raise broken[0]
     for line in [] if quiet else [*judge_faults(), *results.warnings]:
         print(line, file=sys.stderr)
-    if not options.printed(results.frame, output) and not quiet:
+    lacking = without_figures(request.metrics, results)
+    if not options.printed(results.frame, output) and not quiet and not lacking:
         from touchstone.reports.views.first_screen import first_screen
         from touchstone.reports.views.losses import losses_part
         from touchstone.reports.views.published import published_part
@@ -200,6 +206,8 @@ def run(
     for line in results.faults:
         print(line, file=sys.stderr)
     options.exit_for(results.frame.verdict, bool(engine), bool(results.faults))
+    if lacking:
+        options.stop(f"--metric {', '.join(metric or [])}: {lacking}")
 
 
 def _ignore(frame: pd.DataFrame) -> None:
@@ -215,7 +223,7 @@ def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[
     from touchstone.reports.views.terminal import scene_parts
 
     def show(frame: pd.DataFrame) -> None:
-        if broken:
+        if broken or ((frame.verdict == "skipped") & (frame.metric != "run")).all():
             return
         try:
             with stepping_aside(progress):
@@ -263,7 +271,7 @@ def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenar
 def list_things(
     what: Listing, out: options.PrintedOutOption = None, output: options.FormatOption = options.Format.table
 ) -> None:
-    """List scenarios, engines, metrics, profiles, settings of every engine, or known failings."""
+    """List scenarios, their tags, engines, metrics, profiles, settings of every engine, or known failings."""
     from touchstone.reports.docs.listing import LISTS, show_rows
 
     with options.output_to(out):

@@ -28,6 +28,7 @@ def nightly(
     from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes, working_folder
     from touchstone.reports.nightly.store import Store, StoreError
     from touchstone.reports.runner.request import DEFAULT_PROFILES, columns_of
+    from touchstone.scenarios.plural import plural
 
     columns = columns_of(ENGINES, QUICK_PROFILES if quick else DEFAULT_PROFILES)
     settings = {"quick": quick, "columns": ["/".join(column) for column in columns]}
@@ -50,7 +51,7 @@ def nightly(
     except OSError as error:
         options.stop(f"{store}: {error.strerror or error}; finished scenes are kept, run again")
     if measured.continued and not quiet:
-        print(f"continued a night: {measured.continued} scenes were measured before", file=sys.stderr)
+        print(f"continued a night: {plural(measured.continued, 'scene')} measured before", file=sys.stderr)
     lines = [one.line for one in findings if one.kind in ("regression", "warning")]
     for line in [*lines, *opened.notes, *measured.faults]:
         print(line, file=sys.stderr)

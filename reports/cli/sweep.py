@@ -160,6 +160,7 @@ def soak(
     from touchstone.reports.docs.listing import show_rows
     from touchstone.reports.studies.soak import Extent
     from touchstone.reports.studies.soak import soak as run
+    from touchstone.scenarios.plural import plural
     from touchstone.scenarios.random_scenes import ALL_KINDS, random_scene
 
     options.known("profile", profile, ENGINES["reference"].profiles)
@@ -175,7 +176,7 @@ def soak(
         show_rows([counts | {f"outcome {name}": count for name, count in found.classes.items()}], output)
     elif not quiet:
         classes = ", ".join(f"{count} {name}" for name, count in found.classes.most_common())
-        print(f"{found.scenes} scenes from seed {seed}, {found.frames} frames: {classes}")
+        print(f"{plural(found.scenes, 'scene')} from seed {seed}, {plural(found.frames, 'frame')}: {classes}")
         print(f"broken invariants: {len(found.failures)}" + (f", in {folder}" if found.failures else ""))
     if found.failures:
         raise typer.Exit(options.LIMIT_BROKEN)

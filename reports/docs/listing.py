@@ -118,6 +118,15 @@ def scenario_rows() -> list[dict[str, object]]:
     ]
 
 
+def tag_rows() -> list[dict[str, object]]:
+    """Tags with the number of their scenes, and what these have in common."""
+    from touchstone.scenarios.catalogue import TAGS, tagged
+
+    return [
+        {"tag": tag, "scenes": sum(1 for _ in tagged(tag)), "in common": text} for tag, text in TAGS.items()
+    ]
+
+
 def engine_rows() -> list[dict[str, object]]:
     """Engines with their versions."""
     return [{"engine": name, "version": found, "missing": how} for name, found, how in engines()]
@@ -197,6 +206,7 @@ def failing_rows() -> list[dict[str, object]]:
 
 LISTS: dict[str, Callable[[], list[dict[str, object]]]] = {
     "scenarios": scenario_rows,
+    "tags": tag_rows,
     "engines": engine_rows,
     "metrics": metric_rows,
     "profiles": profile_rows,

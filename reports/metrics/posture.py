@@ -17,6 +17,7 @@ from touchstone.reports.metrics.motion.joints import bounded, excess
 from touchstone.scenarios.avatar.chains import hinge_axes, shortest_rotations
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Joint, ReachCone, Scenario, Tracker
 
 Mask = NDArray[np.bool_]
@@ -184,7 +185,9 @@ def posture_over_best(context: Context) -> Values:
         best += float(np.sum((posture - tracked[f]) ** 2))
         last = [posture]
     if best == 0:
-        raise NotMeasured(f"tracked postures are free where the root is shown ({len(chosen)} frames)")
+        raise NotMeasured(
+            f"tracked postures are free where the root is shown ({plural(len(chosen), 'frame')})"
+        )
     return {"": float(np.sum((shown[chosen] - tracked[chosen]) ** 2)) / best}
 
 

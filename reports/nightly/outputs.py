@@ -19,11 +19,12 @@ from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
 from touchstone.reports.runner.reproduce import reproduce
 from touchstone.reports.runner.request import REFERENCE, STUDY
-from touchstone.reports.views.matrix import BAD, GOOD, WARN, plural, verdict_of
+from touchstone.reports.views.matrix import BAD, GOOD, WARN, verdict_of
 from touchstone.reports.views.published import published_part
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.plural import plural
 
 MOST_LINES = 20
 """Findings of a kind that Markdown lists; the rest is counted."""

@@ -91,6 +91,8 @@ class Store:
     """Nights of one folder or URL. `notes` are lines about files that were set aside."""
 
     def __init__(self, place: str) -> None:
+        if not place:
+            raise StoreError("--store: name a folder, or a URL")
         self.place = place
         self.notes: list[str] = []
         self._remote: Any = None

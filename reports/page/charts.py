@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any
 
 import altair as alt
 import numpy as np
 import pandas as pd
-import vl_convert
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics.motion.time_series import FORCE, Course, heaviest_pairs
 from touchstone.reports.views.pictures import ends, log_axis, looks
+from touchstone.reports.views.renderer import RendererError, svg
 from touchstone.reports.views.tables import Column
 from touchstone.scenarios.scenario import Scenario
 
@@ -24,6 +25,8 @@ WIDTH, ROW = 620, 18
 
 PADDING = 14
 """Margin of a chart [px]: browsers draw labels wider than they are measured here."""
+NOT_DRAWN = "this chart is not drawn"
+"""What stands in its place."""
 LEAST_SCENES = 3
 """Scenes of a chart [1]: fewer are read faster as numbers."""
 LEAST_NIGHTS = 5
@@ -31,7 +34,8 @@ LEAST_NIGHTS = 5
 
 
 def svg_of(chart: Any) -> str:
-    """A chart as SVG whose colours of text and lines are those of the page."""
+    """A chart as SVG whose colours of text and lines are those of the page, or a paragraph: why there is
+    none."""
     axis = {
         "labelColor": INK,
         "titleColor": INK,
@@ -46,7 +50,10 @@ def svg_of(chart: Any) -> str:
         .configure_legend(labelColor=INK, titleColor=INK, orient="top", title=None)
         .configure_title(color=INK, anchor="start", fontSize=13)
     )
-    text = str(vl_convert.vegalite_to_svg(plain.to_dict()))
+    try:
+        text = svg(plain.to_dict())
+    except RendererError as error:
+        return f"<p>{NOT_DRAWN}: {escape(str(error))}</p>"
     text = text.replace(f'"{INK}"', '"var(--ink)"').replace(f'"{FAINT}"', '"var(--line)"')
     for engine, color in colors().items():
         text = text.replace(f'"{color}"', f'"var({variable(engine)})"')

@@ -20,11 +20,11 @@ from touchstone.reports.views.matrix import (
     by_cause,
     cause_of,
     missed_line,
-    plural,
     shown,
     worst_of,
 )
 from touchstone.reports.views.tables import MARKS, Column, quantity
+from touchstone.scenarios.plural import plural
 
 
 def title(entry: Entry) -> str:

@@ -22,7 +22,7 @@ from touchstone.reports.changes import RunError, label_of, recordings_of, table_
 from touchstone.reports.machine import machine, origin
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course, course
-from touchstone.reports.page.charts import force_charts
+from touchstone.reports.page.charts import NOT_DRAWN, force_charts
 from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
@@ -44,7 +44,7 @@ def packed_scene(scenario: Scenario, played: Mapping[tuple[str, str], Context]) 
 
 
 def write_page(request: Request, results: Results, manifest: Mapping[str, Any], folder: Path) -> None:
-    """Write `report.html` into the folder of a run."""
+    """Write `report.html` into the folder of a run; charts that cannot be drawn are a fault."""
     level, verdict = verdict_of(results.frame)
     content = Content(
         title="touchstone run",
@@ -64,6 +64,8 @@ def write_page(request: Request, results: Results, manifest: Mapping[str, Any], 
     )
     text = page(content)
     write_beside(folder / "report.html", lambda part: part.write_text(text, "utf-8"))
+    if NOT_DRAWN in text:
+        results.faults.append("report.html lacks charts, and says why; results are stored")
 
 
 def _courses(

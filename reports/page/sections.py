@@ -18,6 +18,7 @@ from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
 from touchstone.reports.views.apart import headlines
 from touchstone.reports.views.losses import losses
 from touchstone.reports.views.tables import MARKS, exact_number, grid
+from touchstone.scenarios.plural import plural
 
 HARD = "stability"
 REMARKS = ("fail", "error", "known", "unjudged")
@@ -70,7 +71,7 @@ def _counts(rows: list[Row]) -> str:
     heads = ("verdict", "scene", "engine", "figure", "value", "reason")
     listed = plain_table(heads, lines, 6) if lines else ""
     rest = f"<p>{len(remarks) - MOST} more.</p>" if len(remarks) > MOST else ""
-    return f"<p>{len(rows)} figures; {text or 'none is judged'}.</p>{listed}{rest}"
+    return f"<p>{plural(len(rows), 'figure')}; {text or 'none is judged'}.</p>{listed}{rest}"
 
 
 CHARTS: tuple[tuple[str, str, float, float], ...] = (

@@ -27,6 +27,7 @@ from touchstone.reports.run.time_limits import AIMING, POSED_LABEL, judged_time,
 from touchstone.reports.runner.reproduce import reproduce
 from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
 from touchstone.reports.verdict.limits import is_foreign
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario
 
 CONTACTING = "pairs.contacting"
@@ -146,7 +147,7 @@ def pair_frames(mine: Timed, theirs: Timed) -> tuple[Array, Array, Indices, bool
 def _statistics(study: str, scenario: Scenario, mine: Timed, theirs: Timed) -> Iterable[Row]:
     ours, others, chosen, some = pair_frames(mine, theirs)
     every = np.arange(ours.shape[1])
-    where = f"contact in {len(chosen)} of {len(every)} frames" if some else "no contact: all frames"
+    where = f"contact in {len(chosen)} of {plural(len(every), 'frame')}" if some else "no contact: all frames"
     base = Row(study, scenario.name, REFERENCE, mine.label, mine.dt, FRAMES, unit="frames")
     yield replace(base, value=float(len(chosen) if some else 0), subject=f"{theirs.engine} {theirs.label}")
     for suffix, statistic in STATISTICS.items():

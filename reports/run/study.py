@@ -26,9 +26,10 @@ from touchstone.reports.run.ratios import ratio_rows, timed
 from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY, Request, Results
 from touchstone.reports.verdict.judge import judged_in, lost
 from touchstone.reports.verdict.rows import excused, measured_of
-from touchstone.reports.views.comparison_pictures import draw, draw_forces
-from touchstone.reports.views.frame_budget import write_picture
+from touchstone.reports.views.comparison_pictures import draw
+from touchstone.reports.views.frame_budget import BUDGET_PICTURE, write_picture
 from touchstone.reports.views.markdown import report
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario
 
 HEAP_BUDGET, LARGE_BUDGET = 60.0, 180.0
@@ -103,15 +104,14 @@ def run(request: Request, progress: Progress, judged_scene: Listener = lambda fr
         }
         save_manifest(folder, manifest)
 
-        results.write("report.html", lambda: write_page(request, results, manifest, folder))
-        results.write("pictures", lambda: write_picture(results.recordings, folder))
-        results.write("pictures", lambda: draw(request, results, folder))
-        results.write("pictures", lambda: draw_forces(request, results, folder))
         page = folder / "report.md"
         results.write(
             page.name,
             lambda: write_beside(page, lambda part: part.write_text(report(request, results), "utf-8")),
         )
+        results.write("report.html", lambda: write_page(request, results, manifest, folder))
+        results.write(BUDGET_PICTURE, lambda: write_picture(results.recordings, folder))
+        results.write("pictures", lambda: draw(request, results, folder))
     return results
 
 
@@ -183,7 +183,7 @@ def judge_outcomes(
             continue
         recording = load(job.recording)
         if len(recording.time_frame) < scenario.frame_count:
-            frames = f"{len(recording.time_frame)} of {scenario.frame_count} frames"
+            frames = f"{len(recording.time_frame)} of {plural(scenario.frame_count, 'frame')}"
             reason = f"slow: its steps took {recording.time_frame.sum():.3g} s for {frames}"
             rows.append(replace(base, verdict="skipped", reason=reason))
             results.ended[scenario.name, job.engine, label] = recording

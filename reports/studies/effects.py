@@ -39,6 +39,7 @@ from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import tagged
 from touchstone.scenarios.effects import EFFECT_TABLE, PLANNED
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario
 
 GROUPS = ("gallery", "probe")
@@ -220,7 +221,7 @@ def means(rows: Sequence[Row], tags: Mapping[str, Sequence[str]]) -> list[Row]:
             middle = left[:, 0].mean()
             down, up = (np.sqrt(((left[:, k] - left[:, 0]) ** 2).sum()) / len(mine) for k in (1, 2))
             interval = (float(np.exp(middle)), float(np.exp(middle - down)), float(np.exp(middle + up)))
-            fields = {"scenario": group, "metric": "time.left", "reason": f"{len(mine)} scenes"}
+            fields = {"scenario": group, "metric": "time.left", "reason": plural(len(mine), "scene")}
             found.append(with_interval(mine[0], interval, **fields))
     return found
 

@@ -40,6 +40,7 @@ from touchstone.reports.verdict.outcomes import (
 )
 from touchstone.reports.views.pictures import DASHES, by, grid, log_axis, rule, save, strips
 from touchstone.reports.views.render import Part
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.random_scenes import ALL_KINDS, kind_of, random_scene
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import perturbed
@@ -365,7 +366,7 @@ def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
     for (engine, profile), part in points.groupby(["engine", "profile"], sort=False):
         marks = alt.Chart(part).mark_point(filled=True, size=14, opacity=0.75).encode(x=x, y=y, color=hues)
         drawn = marks + rule(x=RESIDUAL_OPEN) + rule(y=EXACT.rise)
-        title = f"{engine}, {profile}: {len(part)} runs"
+        title = f"{engine}, {profile}: {plural(len(part), 'run')}"
         panels.append(drawn.properties(title=title, width=320, height=230))
     save(grid(panels, ACROSS), path, "Random scenes: rise of energy and residual")
 

@@ -24,6 +24,7 @@ from touchstone.reports.studies.robustness import PATIENCE, assess_task, assessm
 from touchstone.reports.verdict.outcomes import Assessment
 from touchstone.scenarios.body_joints import WORLD
 from touchstone.scenarios.files.write import scene_toml
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import TRACKED, Body, BodyJoint, PairCoefficients, Scenario, ScenarioError
 
@@ -198,7 +199,10 @@ def soak(
     for result in Pool(start, PROCESSES, folder).each(_seeds(extent), one):
         if isinstance(result, Failure):
             found.failures.append(result)
-            tell(f"{result.outcome}: seed {result.seed}, {result.bodies} bodies left: {result.command}")
+            tell(
+                f"{result.outcome}: seed {result.seed}, {plural(result.bodies, 'body')} left: "
+                f"{result.command}"
+            )
         else:
             found.scenes += 1
             found.frames += result.frames

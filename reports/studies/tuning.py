@@ -176,6 +176,8 @@ def _divides(scenario: Scenario, dt: float) -> bool:
 
 ROUNDS = 4
 """Rounds of the search after the first."""
+DRAWS = 20
+"""Largest number of draws for each new setting [1]."""
 FINALISTS = 3
 """Settings that are timed at the end, alone on one core, beside those of the ablation."""
 SOME_SCENES = 6
@@ -252,16 +254,10 @@ class Search:
         self._check(first)
         pool = self._tried(self.space.first(self._rng)[: max(len(first), asked.plays // 2)], self._some(0))
         for number in range(1, ROUNDS + 1):
-            names, each = self._some(number), (asked.plays - asked.plays // 2) // ROUNDS
+            names, count = self._some(number), (asked.plays - len(self._known)) // (ROUNDS + 1 - number)
             kept = pool[: max(1, len(pool) // 2)][: max(2, asked.plays // 2 ** (number + 1))]
-            new = [
-                self.space.near(
-                    kept[min(int(self._rng.exponential(len(kept) / 3)), len(kept) - 1)], kept, self._rng
-                )
-                for _ in range(each)
-            ]
-            pool = self._tried([*kept, *new], names)
-        tried = len({candidate for candidate, _ in self._errors})
+            pool = self._tried([*kept, *self._new(kept, count)], names)
+        tried = len(self._known)
         finalists = self._tried(pool[: 2 * FINALISTS], scenes)[:FINALISTS]
         timed = self._timed(list(dict.fromkeys((*finalists, *first))))
         answer = cheapest(sorted((timed[one] for one in finalists), key=lambda s: s.time), asked.limits)
@@ -275,6 +271,23 @@ class Search:
             text: rated(without[one], asked.limits) for text, one in changed.items() if one in without
         }
         return Found(answer.met, answer.best, candidate, ablation, profiles, tried)
+
+    @property
+    def _known(self) -> set[Candidate]:
+        """Settings that were played."""
+        return {candidate for candidate, _ in self._errors}
+
+    def _new(self, kept: Sequence[Candidate], count: int) -> list[Candidate]:
+        """`count` settings near those kept, mostly the better ones, that were not played; fewer where DRAWS
+        for each find no more."""
+        known, found = self._known, dict[Candidate, None]()
+        for _ in range(DRAWS * count):
+            if len(found) == count:
+                break
+            one = kept[min(int(self._rng.exponential(len(kept) / 3)), len(kept) - 1)]
+            near = self.space.near(one, kept, self._rng)
+            found |= {} if near in known else {near: None}
+        return list(found)
 
     def ablations(self, best: Candidate) -> dict[str, Candidate]:
         """What is put back to the engine's default -> the best setting without it."""

@@ -32,6 +32,7 @@ from touchstone.reports.run.study import job_of, judge_outcomes
 from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number, scaled_number, unit_of
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario
 
 
@@ -264,7 +265,8 @@ def _physics(found: Compared, mine: list[Difference], first: str) -> Iterator[st
     """What changed in the motion and the figures of a version."""
     ended = dict.fromkeys(one.scenario for one in mine if np.isnan(one.motion))
     moved = [one for one in mine if not one.same and one.scenario not in ended]
-    yield f"{sum(one.same for one in mine)} of {len(mine)} runs are the same to the bit as in {first}"
+    same = sum(one.same for one in mine)
+    yield f"the same to the bit as in {first}: {same} of {plural(len(mine), 'run')}"
     if moved:
         worst = max(moved, key=lambda one: one.motion)
         yield f"motion differs by up to {number(worst.motion * 1e3)} mm ({worst.scenario})"

@@ -35,6 +35,7 @@ from touchstone.reports.verdict import figures as measures
 from touchstone.reports.verdict.figures import available_energy, finite, momentum_change
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.difficulty.checks import Checks
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.random_scenes.bodies import support
 from touchstone.scenarios.scenario import Scenario
 
@@ -140,9 +141,8 @@ def announcement(recording: Recording) -> str:
             values = recording.work[:, columns[0]]
             beyond = np.flatnonzero(~(values <= allowed))
             if len(beyond):
-                parts.append(
-                    f"{name} {values[beyond].max():.2g} in {len(beyond)} frames from {beyond[0] + 1}"
-                )
+                where = f"{plural(len(beyond), 'frame')} from {beyond[0] + 1}"
+                parts.append(f"{name} {values[beyond].max():.2g} in {where}")
     return ", ".join(parts)
 
 

@@ -14,7 +14,7 @@ import pandas as pd
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics import in_tables
 from touchstone.reports.metrics.motion.time_series import FORCE
-from touchstone.reports.results import Row, rows_of, write_beside
+from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.request import REFERENCE, Request, Results
 from touchstone.reports.views.comparison import (
     FORCE_PICTURE,
@@ -79,11 +79,12 @@ DASHES_NOTE = "; dashed: limit of the engines, dotted: of the reference"
 
 
 def draw(request: Request, results: Results, folder: Path) -> None:
-    """Write `<topic>.png` of every topic in which engines differ."""
+    """Write `<topic>.png` of every topic in which engines differ, and of forces; what fails is a fault."""
     for section in sections(request, results):
         if section.lines:
             path = folder / f"{section.topic.name}.png"
-            write_beside(path, partial(_write, request, results, section))
+            results.write(path.name, partial(_write, request, results, section, path))
+    results.write(FORCE_PICTURE, lambda: draw_forces(request, results, folder))
 
 
 def _write(request: Request, results: Results, section: Section, path: Path) -> None:
@@ -97,8 +98,7 @@ def draw_forces(request: Request, results: Results, folder: Path) -> None:
     if found := force_panels(request, results):
         own = columns(results)
         drawn = grid([_force_panel(panel, own) for panel in found], ACROSS)
-        draw = partial(save, drawn, title=TITLES["forces"], note=NOTES["forces"])
-        write_beside(folder / FORCE_PICTURE, draw)
+        save(drawn, folder / FORCE_PICTURE, TITLES["forces"], NOTES["forces"])
 
 
 def _marks(own: Columns) -> Looks:

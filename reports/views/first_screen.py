@@ -20,13 +20,13 @@ from touchstone.reports.views.matrix import (
     Found,
     by_cause,
     entries,
-    plural,
     verdict_of,
     worst_of,
 )
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import MARKS, Column, columns_of, quantity
 from touchstone.reports.views.terminal import SCENES_IN_FULL, STYLES
+from touchstone.scenarios.plural import plural
 
 LINES, CROWDED = 40, 6
 """Lines of a scene and column each, and columns beside each other, that are read at a glance [1]."""

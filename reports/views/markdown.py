@@ -32,6 +32,7 @@ from touchstone.reports.views.published import published_part
 from touchstone.reports.views.render import Part, markdown
 from touchstone.reports.views.tables import LEGEND, TableCell, cell_of, number
 from touchstone.reports.views.terminal import grid_part, ratio_part, remark_lines
+from touchstone.scenarios.plural import plural
 
 if TYPE_CHECKING:
     from touchstone.reports.runner.request import Request, Results
@@ -172,7 +173,7 @@ def _nearest(section: Section, own: Columns) -> list[str]:
     best = {engine: [line for line in section.lines if engine in line.nearest] for engine in own}
     word = "shortest" if section.topic.name == "timing" else "nearest to the truth"
     return [
-        f"{engine} {word} on {len(lines)} of {len(section.lines)} lines" + _places(lines)
+        f"{engine} {word} on {len(lines)} of {plural(len(section.lines), 'line')}" + _places(lines)
         for engine, lines in best.items()
     ]
 

@@ -17,6 +17,7 @@ from touchstone.reports.results import NOT_RUN, UNJUDGED, Row
 from touchstone.reports.runner.request import REFERENCE
 from touchstone.reports.verdict.judge import WORST_LAST, Count, counted
 from touchstone.reports.views.tables import MARKS, Column, exact_number, number, quantity
+from touchstone.scenarios.plural import plural
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,8 +310,3 @@ def verdict_of(frame: pd.DataFrame) -> tuple[str, str]:
     if not met:
         return WARN, f"Nothing was judged{tail}."
     return (WARN if unjudged or missing else GOOD), f"All {met} limits met{tail}."
-
-
-def plural(count: int, word: str) -> str:
-    """A number of things, in the plural where it is due."""
-    return f"{count} {word}{'' if count == 1 else 's'}"

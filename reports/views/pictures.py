@@ -10,10 +10,11 @@ from typing import Any
 
 import altair as alt
 import pandas as pd
-import vl_convert
 from PIL import Image
 
 from touchstone.adapters.registry import ENGINES
+from touchstone.reports.results import write_beside
+from touchstone.reports.views.renderer import png, svg
 
 INK, PALE, GRID = "#222222", "#8a8a8a", "#e8e8e8"
 LIBRARY_COLORS = {"python-fcl": "#D55E00", "coal": "#0072B2"}
@@ -22,8 +23,6 @@ DETECTOR_SHAPES = ("circle", "square", "diamond")
 """Markers of an engine's detectors, in the order of the table."""
 DOTS, DASHES = [1, 2], [4, 3]
 """Lengths of the strokes and gaps of a line [point]."""
-RESOLUTION = 150
-"""Pixels of a PNG in an inch, which has 72 points: sizes of charts are in points."""
 PALETTE = 256
 """Colours of a PNG [1]."""
 NOTHING = pd.DataFrame([{}])
@@ -53,7 +52,8 @@ def detector_color(name: str) -> str:
 
 
 def save(chart: Any, path: Path, title: str = "", note: str = "", kind: str = "png", size: float = 9) -> None:
-    """Write a chart as PNG or SVG with texts of a size [point]; equal data make equal files."""
+    """Write a chart as PNG or SVG with texts of a size [point], whole or not at all; equal data make equal
+    files."""
     head = {"text": title, "subtitle": note, "fontSize": 13, "subtitleFontSize": 9.5, "offset": 12}
     text = {"labelColor": INK, "titleColor": INK, "labelFontSize": size, "titleFontSize": size}
     axes = {
@@ -77,11 +77,13 @@ def save(chart: Any, path: Path, title: str = "", note: str = "", kind: str = "p
     }
     found = {**chart.to_dict(), **({"title": head} if title else {}), "config": look}
     if kind == "svg":
-        path.write_text(vl_convert.vegalite_to_svg(found), "utf-8")
+        drawing = svg(found)
+        write_beside(path, lambda part: part.write_text(drawing, "utf-8"))
     else:
-        drawn = Image.open(BytesIO(vl_convert.vegalite_to_png(found, ppi=RESOLUTION)))
+        drawn = Image.open(BytesIO(png(found))).convert("RGB")
         # a fifth of the size of a file with 8 bits a channel
-        drawn.convert("RGB").quantize(PALETTE, Image.Quantize.FASTOCTREE).save(path, "png")
+        small = drawn.quantize(PALETTE, Image.Quantize.FASTOCTREE)
+        write_beside(path, lambda part: small.save(part, "png"))
 
 
 def looks(engines: Iterable[str]) -> Looks:

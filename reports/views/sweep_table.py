@@ -10,6 +10,7 @@ from touchstone.reports.runner.cells import TIMING
 from touchstone.reports.runner.measures import FRAMES
 from touchstone.reports.runner.request import step_text
 from touchstone.reports.views.render import Part
+from touchstone.scenarios.plural import plural
 
 SHOWN = ("truth.position", "overlap.max", "energy.injected", "friction.stop", "friction.cone")
 """Metrics of the table, where any cell has them."""
@@ -31,7 +32,7 @@ def report(frame: pd.DataFrame) -> list[Part]:
         label = f"{first.profile} {first.settings}".strip()
         texts = [first.scenario, first.engine, label, *([str(first.seed)] if seeded else [])]
         rows.append([*texts, step_text(first["dt"]), *values, _outcome(part)])
-    return [Part(f"{frame.cell.nunique()} cells", heads, rows, words=len(TEXTS) + seeded, last=1)]
+    return [Part(plural(frame.cell.nunique(), "cell"), heads, rows, words=len(TEXTS) + seeded, last=1)]
 
 
 def _head(metric: str) -> str:

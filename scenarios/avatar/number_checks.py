@@ -7,6 +7,8 @@ from math import isfinite
 
 import numpy as np
 
+from touchstone.scenarios.plural import plural
+
 Report = Callable[[str, str], None]
 """Takes the path of a field and what is wrong with it."""
 LONGEST = 1e15
@@ -32,7 +34,7 @@ def finite(
     """Report numbers that are not finite, larger than `most`, or not `width` many; whether there are none."""
     numbers = list(values)
     if width is not None and len(numbers) != width:
-        report(path, f"found {len(numbers)} numbers, expected {width}")
+        report(path, f"found {plural(len(numbers), 'number')}, expected {width}")
         return False
     for value in numbers:
         if not isinstance(value, (int, float, np.number)) or not isfinite(value):

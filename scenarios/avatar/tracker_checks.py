@@ -6,6 +6,7 @@ from dataclasses import MISSING, fields
 from itertools import pairwise
 
 from touchstone.scenarios.avatar.number_checks import LONGEST, Report, finite, positive, unit
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import INTERPOLATIONS, TRACKED, Scenario, Tracker
 
 WHOLE = 1e-9
@@ -60,7 +61,7 @@ def check_tracker(scenario: Scenario, tracker: Tracker, path: str, report: Repor
     for field, width in (("positions", 3), ("orientations", 4), ("angles", len(tracker.joints))):
         rows = getattr(tracker, field)
         if len(rows) != count or any(len(row) != width for row in rows):
-            report(f"{path}.{field}", f"expected {count} rows of {width}")
+            report(f"{path}.{field}", f"expected {plural(count, 'row')} of {width}")
             continue
         for k, row in enumerate(rows):
             if field == "orientations":

@@ -17,6 +17,7 @@ from pydantic import Field as ModelField
 
 from touchstone.scenarios.files.text_lines import Path
 from touchstone.scenarios.height_field import HeightField
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Body, Scenario, Shape, Tracker, shape_name
 from touchstone.scenarios.triangle_mesh import TriangleMesh
 
@@ -162,7 +163,7 @@ def _message(one: Any, path: Path, model: type[BaseModel]) -> str:
         case "tuple_type":
             expected = _list_of(one["loc"], model)
         case "too_long":
-            expected = f"at most {one['ctx']['max_length']} values"
+            expected = f"at most {plural(one['ctx']['max_length'], 'value')}"
         case "model_type":
             expected = "a table of fields"
         case _:
@@ -177,7 +178,7 @@ def _list_of(place: tuple[Any, ...], model: Any) -> str:
     hint = inner.model_fields[place[-1]].annotation if inner and place[-1] in inner.model_fields else None
     parts = get_args(hint)
     numbers = all(float in (part, *get_args(part)) for part in parts)
-    return f"a list of {len(parts)} numbers" if parts and numbers else "a list"
+    return f"a list of {plural(len(parts), 'number')}" if parts and numbers else "a list"
 
 
 def _unknown(name: object, valid: list[str]) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 
 from touchstone.scenarios.avatar.number_checks import number_of
 from touchstone.scenarios.files.safe_paths import DAMAGED, regular
+from touchstone.scenarios.plural import plural
 
 COLUMNS = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
 
@@ -68,7 +69,9 @@ def _of_csv(path: Path, joints: Sequence[str]) -> np.ndarray:
             values = [number_of(text) for text in row]
             table.append([values[k] for k in order])
         except (ValueError, IndexError) as error:
-            raise TrackerFileError(f"{path.name}:{number}: expected {len(heads)} numbers") from error
+            raise TrackerFileError(
+                f"{path.name}:{number}: expected {plural(len(heads), 'number')}"
+            ) from error
     return np.array(table, dtype=float).reshape(-1, len(wanted))
 
 

@@ -280,9 +280,11 @@ def test_an_engine_that_hung_is_not_waited_for_again(scenario, tmp_path, forked)
     stage, quiet = Stage(tmp_path, scenario), lambda label, frames: None
     with Children(partial(fakes, str(tmp_path)), patience=PATIENCE) as children:
         children.play(stage.jobs(["hangs", "healthy"]), quiet)
-        start = time.monotonic()
+        started = (tmp_path / "hangs.pid").stat().st_mtime_ns
+        steps = [name for _, name in stage.steps()].count("hangs")
         ended = children.play(stage.jobs(["hangs", "healthy"]), quiet)
-    assert time.monotonic() - start < PATIENCE
+    assert (tmp_path / "hangs.pid").stat().st_mtime_ns == started
+    assert [name for _, name in stage.steps()].count("hangs") == steps > 0
     assert [(one.job.engine, one.status, one.reason) for one in ended] == [
         ("hangs", "skipped", "not played: the engine hung in test"),
         ("healthy", "done", ""),

@@ -333,7 +333,7 @@ def test_torques_of_hinges_account_for_the_energy(name, profile, run_of):
     assert recording.driver_work[half] == pytest.approx(energy, rel=0.1)
 
 
-@pytest.mark.parametrize("name", [needed(name, slow=name in COMPILED) for name in PLAIN])
+@pytest.mark.parametrize("name", [needed(name, slow=True) for name in PLAIN])
 def test_a_step_of_the_adapter_costs_as_much_as_a_plain_one(name, tmp_path):
     """Drive and step of `stack` take at most a tenth longer than in a script without the adapter."""
     child = EngineProcess(cost, tmp_path / "output.txt")

@@ -34,10 +34,12 @@ def lines_of(workflow: object) -> list[str]:
 def parsed(line: str) -> None:
     """Parse a line of the program; raises where a command, an option or a kind of value does not exist."""
     command, (name, *arguments) = typer.main.get_command(main.app), shlex.split(line)
+    # commands are built once a session, and keep the help options of their first context
+    context = command.context_class(command, **command.context_settings)
     while hasattr(command, "commands"):
         name, *arguments = arguments
         command = command.commands[name]
-    command.make_context(name, arguments)
+    command.make_context(name, arguments, context)
 
 
 @pytest.mark.parametrize(

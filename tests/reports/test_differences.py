@@ -120,7 +120,7 @@ def test_the_page_tells_all_four_words():
         assert f"### Differences in {topic.name}\n" in page
     pictured = [topic.name for topic in TOPICS if f"({topic.name}.png)" in page]
     assert pictured == ["overlap", "energy", "timing"]
-    assert "- bullet shortest on 1 of 1 lines: fall time.frame.median" in page
+    assert "- bullet shortest on 1 of 1 line: fall time.frame.median" in page
     assert "- reference, `energy.loss`: no way to know (roll)" in page
     assert "- no engine apart: fall" in page
     assert "- no figure of two engines: fall, roll" in page

@@ -1,11 +1,13 @@
 """The frame budget: its figures in closed form, its order, and its picture."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from touchstone.reports.views.frame_budget import HEADS, budget_part, write_picture
+from touchstone.reports.views.pictures import grid, save
 from touchstone.reports.views.render import console, print_parts
 from touchstone.reports.views.terminal import budget_parts
 
@@ -55,6 +57,19 @@ def test_the_picture_is_drawn_where_there_is_something_to_draw(played, tmp_path)
     (picture,) = tmp_path.iterdir()
     assert picture.name == "frame_budget.png"
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_a_full_disk_leaves_no_part_of_a_picture(tmp_path, kind):
+    """A picture is written beside its place and renamed: what cannot be written leaves nothing."""
+    path = tmp_path / f"chart.{kind}"
+    path.with_name(f"{path.name}.part").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left on device"):
+        save(grid([], 1), path, kind=kind)
+    assert list(tmp_path.iterdir()) == []
+    save(grid([], 1), path, kind=kind)
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_the_table_is_printed_for_several_scenes(played, capsys):

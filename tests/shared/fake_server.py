@@ -7,6 +7,8 @@ from importlib.metadata import version
 DEADLY = 3
 """Number that kills the process."""
 EXIT_CODE = 7
+NAP = 3.0
+"""Time of a slow answer [s]."""
 
 
 class Squares:
@@ -25,8 +27,8 @@ def library_version(engine, task) -> str:
 
 
 def naps(engine: None, task: object) -> str:
-    """An answer that takes a second."""
-    time.sleep(1.0)
+    """An answer that takes NAP seconds."""
+    time.sleep(NAP)
     return "answer"
 
 

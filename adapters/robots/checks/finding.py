@@ -15,7 +15,7 @@ class Finding:
     """What is wrong with a robot (`fault`) or worth knowing (`note`).
 
     Attributes:
-        check: hull, overlap, inertia, limit, drive or grip.
+        check: motion, hull, overlap, inertia, limit, drive or grip.
         subject: the part that it concerns.
         text: what was measured; `remedy`: what to change.
     """

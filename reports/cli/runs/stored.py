@@ -59,12 +59,17 @@ def compare(
         table_of,
         tolerances,
     )
+    from touchstone.reports.run.without_figures import families
     from touchstone.scenarios.files.read import SceneFileError
+    from touchstone.scenarios.plural import plural
 
     with options.refusing(RunError, SceneFileError):
         one, two = table_of(run_a), table_of(run_b)
         if metric:
-            wanted = metrics_for(metric)
+            wanted, there = metrics_for(metric), {*one.metric, *two.metric}
+            if not there & set(wanted):
+                valid = ", ".join(families(there - {"run"})) or "none"
+                options.stop(f"--metric {', '.join(metric)}: in neither run (valid here: {valid})")
             one, two = (frame[frame.metric.isin(wanted) | (frame.metric == "run")] for frame in (one, two))
         found = changes(one, two, tolerances(tolerance), match is Matching.profile)
     counts = {kind: int((found.kind == kind).sum()) for kind in KINDS}
@@ -76,7 +81,7 @@ def compare(
             shown = found if every else found[found.kind.isin([*FAILING, "better"])]
             print_parts(report(shown), console())
             listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
-            print(f"{len(one)} and {len(two)} rows: {listed}")
+            print(f"{len(one)} and {plural(len(two), 'row')}: {listed}")
     for row in found[found.kind.isin(failing)].to_dict("records") if quiet else ():
         place = " ".join(filter(None, (row[name] for name in PLACE)))
         print(f"{row['kind']}: {place}: {row['reason']}", file=sys.stderr)
@@ -99,6 +104,7 @@ def measure(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]
     from touchstone.reports.results import rows_of
     from touchstone.reports.verdict.failings import FILE, FailingsError, read, write
     from touchstone.reports.verdict.measure import difference, measured
+    from touchstone.scenarios.plural import plural
 
     with options.refusing(RunError, FailingsError):
         old = read(FILE)
@@ -106,7 +112,7 @@ def measure(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]
     changed = list(difference(old, new))
     if changed:
         write(new.values(), FILE)
-    print("\n".join([*changed, f"{FILE}: {len(new)} lines, {len(changed)} changed"]))
+    print("\n".join([*changed, f"{FILE}: {plural(len(new), 'line')}, {len(changed)} changed"]))
 
 
 def judge(
@@ -124,6 +130,7 @@ def judge(
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.judge_again import judge as judge_again
+    from touchstone.reports.run.without_figures import without_figures
     from touchstone.reports.views.terminal import report
 
     folder = out or options.folder_of_now("judged-")
@@ -134,7 +141,10 @@ def judge(
         results = judge_again(run, folder, progress, chosen, of_file, command)
     for line in [] if quiet else judge_faults():
         print(line, file=sys.stderr)
-    options.ended(results.frame, report, folder, output, quiet)
+    lacking = without_figures(chosen, results)
+    options.ended(results.frame, (lambda _: []) if lacking else report, folder, output, quiet)
+    if lacking:
+        options.stop(f"--metric {', '.join(metric or [])}: {lacking}")
 
 
 def tolerances(

@@ -46,6 +46,7 @@ def versions(
     from touchstone.reports.output_folder import OutputError, output_folder
     from touchstone.reports.runner.request import Request, TooLargeError, check_memory, limited
     from touchstone.reports.studies.versions import Compared, compare, environments
+    from touchstone.scenarios.plural import plural
 
     if not engine:
         options.stop("--engine: name the engine, such as --engine mujoco")
@@ -85,7 +86,8 @@ def versions(
                 found = compare(request, folders, rounds, part, step)
     if len(folders) < 2:
         options.stop(
-            f"{len(folders)} of {len(wanted)} versions can play; nothing to compare", options.ENGINE_MISSING
+            f"{len(folders)} of {plural(len(wanted), 'version')} can play; nothing to compare",
+            options.ENGINE_MISSING,
         )
     if not options.printed(found.frame, output) and not quiet:
         from touchstone.reports.studies.versions import report

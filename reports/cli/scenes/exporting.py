@@ -55,6 +55,7 @@ def export(
     """Write a scene for an engine's own viewer or as a file, or a recording as animated 3D file or table."""
     from touchstone.reports.output_folder import OutputError, output_folder
     from touchstone.scenarios.files.write import scene_json, scene_toml
+    from touchstone.scenarios.plural import plural
 
     if form in OF_RECORDINGS or scenario.endswith(RECORDING):
         _export_recording(Path(scenario), form, rows, out)
@@ -71,7 +72,7 @@ def export(
             for name, text in files.items():
                 (part / name).write_text(text, encoding="utf-8")
         robots = [name for name in files if name.endswith(".urdf")]
-        print(f"{folder}: {', '.join(robots)}, and {len(files) - len(robots)} meshes")
+        print(f"{folder}: {', '.join(robots)}, and {plural(len(files) - len(robots), 'mesh')}")
         return
     if form is ExportFormat.mjcf:
         from touchstone.adapters.robots.export_mjcf import mjcf

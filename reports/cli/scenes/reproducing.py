@@ -34,6 +34,7 @@ def reproduce(
     """
     from touchstone.adapters.contract import AdapterError
     from touchstone.reports.run.reproducer import reproduced
+    from touchstone.scenarios.plural import plural
 
     if out is not None:
         options.require_new(out)
@@ -58,8 +59,8 @@ def reproduce(
         if quiet
         else [
             *(f"misses {line}" for line in found.missed),
-            f"{out or 'the script'}: {len(text.splitlines())} lines, needs {found.script.requirement}; "
-            f"prints the positions of the recording {same}",
+            f"{out or 'the script'}: {plural(len(text.splitlines()), 'line')}, "
+            f"needs {found.script.requirement}; prints the positions of the recording {same}",
         ]
     ):
         print(line, file=sys.stderr)

@@ -131,6 +131,7 @@ def _import(  # type: ignore[no-untyped-def]
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.scenarios.files.read import NAME
     from touchstone.scenarios.files.write import scene_json, scene_toml
+    from touchstone.scenarios.plural import plural
 
     if not NAME.fullmatch(name):
         options.stop(f"--as {name}: expected letters, digits and -_ .,+= after a letter")
@@ -144,10 +145,12 @@ def _import(  # type: ignore[no-untyped-def]
         print(f"note: {line}", file=sys.stderr)
     pieces = sum(len(body.pieces) for body in scenario.bodies)
     mass = sum(body.mass for body in scenario.bodies if body.kind != "fixed")
-    joints = f"{len(scenario.body_joints)} joints" if simulated else f"{len(scenario.joints)} hinges"
+    joints = (
+        plural(len(scenario.body_joints), "joint") if simulated else plural(len(scenario.joints), "hinge")
+    )
     coupled = sum(bool(joint.mimics) for joint in scenario.body_joints)
-    joints += f", {coupled} couplings" if coupled else ""
-    counts = f"{len(scenario.bodies)} bodies, {joints}, {pieces} pieces"
+    joints += f", {plural(coupled, 'coupling')}" if coupled else ""
+    counts = f"{plural(len(scenario.bodies), 'body')}, {joints}, {plural(pieces, 'piece')}"
     if not quiet:
         print(f"{path}: {counts}, {mass:.6g} kg")
     if faults := judge_faults():

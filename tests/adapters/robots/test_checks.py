@@ -7,7 +7,7 @@ from foreign_models import models
 
 from touchstone.adapters.registry import installed
 from touchstone.adapters.robots.checks.check import findings
-from touchstone.adapters.robots.checks.finding import FAULT, Finding
+from touchstone.adapters.robots.checks.finding import FAULT, NOTE, Finding
 from touchstone.adapters.robots.robot_error import RobotError
 
 pytestmark = pytest.mark.skipif(not installed("mujoco"), reason="the importer needs MuJoCo")
@@ -64,6 +64,29 @@ def check(tmp_path):
 def test_a_sound_robot_has_no_findings(check):
     """A rod that its drive holds, inside its limits, with the mass of its shape."""
     assert check(arm()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "remedy"),
+    [
+        (
+            '<mujoco><worldbody><body><geom size="0.1" mass="1"/></body></worldbody></mujoco>',
+            "robot.xml",
+            "no scene can be made of it; name what its joints are",
+        ),
+        (
+            '<robot name="r"><link name="a"><inertial><mass value="1"/>'
+            '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>',
+            "robot.urdf",
+            "as a scene it is one free body; name what its joints are",
+        ),
+    ],
+)
+def test_a_file_in_which_nothing_moves_says_so(check, text, name, remedy):
+    """A note, since fixed robots are no fault."""
+    (found,) = check(text, name)
+    assert (found.check, found.verdict, found.remedy) == ("motion", NOTE, remedy)
+    assert found.line.startswith("robot: nothing moves: ")
 
 
 def test_a_hull_that_fills_a_hollow_is_measured(check):
@@ -214,9 +237,9 @@ def test_the_command_prints_a_line_each(capfd, monkeypatch, tmp_path):
     sound.write_text(arm())
     weak.write_text(arm(actuator='<motor joint="elbow" gear="1.5" ctrlrange="-1 1"/>'))
     code, out, _ = call(str(sound))
-    assert (code, len(out.splitlines())) == (0, 6)
+    assert (code, len(out.splitlines())) == (0, 7)
     code, out, _ = call(str(weak))
-    assert (code, len(out.splitlines())) == (1, 6)
+    assert (code, len(out.splitlines())) == (1, 7)
     assert out.startswith("fault drive    joint 'elbow': its drive has 1.5 N m")
     code, out, err = call(str(weak), "--quiet")
     assert (code, out, len(err.splitlines())) == (1, "", 1)

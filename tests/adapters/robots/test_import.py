@@ -242,7 +242,7 @@ def test_belts_keep_their_surface_velocity(robot):
     (piece,) = bodies["disc"].pieces
     assert (piece.surface_velocity, piece.surface_angular_velocity) == ((-1.0, 0.0, 0.0), (0.0, 2.0, 0.5))
     assert bodies["load"].pieces[0].surface_velocity == (0.0, 0.0, 0.0)
-    assert "left out: moving surfaces of 1 geoms whose bodies can move" in found.notes
+    assert "left out: moving surfaces of 1 geom of bodies that can move" in found.notes
     seen = record(load("reference"), replace(found.scenario, duration=1.0), Settings("balanced", 1 / 60))
     # it slides for 1 / g seconds, mu = 1
     assert seen.position[-1, -1, 0] == pytest.approx(1 - 1 / (2 * 9.81), abs=1e-6)

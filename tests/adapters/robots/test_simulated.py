@@ -291,10 +291,10 @@ def test_what_passes_through_is_excluded(robot):
 @pytest.mark.parametrize(
     ("old", "new", "note"),
     [
-        ('stiffness="15"', 'armature="0.1"', "left out: rotor inertia (armature) of 1 joints"),
+        ('stiffness="15"', 'armature="0.1"', "left out: rotor inertia (armature) of 1 joint"),
         ('damping="0.05"', 'range="0 0.5" limited="true"', "left out: the limit of ball joint 'b'"),
         ('<position name="servo" joint="knee" kp="30" kv="1" gear="1.5" ctrlrange="0.1 1"/>',
-         '<motor joint="knee"/>', "actuators: 1 motors exert nothing, since controls are 0"),
+         '<motor joint="knee"/>', "actuators: no force of 1 motor, since controls are 0"),
         ('ctrlrange="0.1 1"', 'forcerange="-2 5"', "actuator 'servo': its force is at most 7.5 both ways"),
         ('kp="30" kv="1" gear="1.5" ctrlrange="0.1 1"', 'kp="-30"',
          "left out: actuator 'servo': its force grows with position or speed"),

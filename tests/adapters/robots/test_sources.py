@@ -18,6 +18,8 @@ MESHED = """<mujoco><asset><mesh name="tip" file="tip.obj"/></asset>
 <worldbody><body name="b" pos="0 0 1">
 <freejoint/><geom type="mesh" mesh="tip" density="500"/></body></worldbody></mujoco>"""
 
+BALL = '<mujoco><worldbody><body name="b" pos="0 0 1"><geom size="0.1"/></body></worldbody></mujoco>'
+
 
 def link(name, inertial=INERTIAL):
     """A link with a shape."""
@@ -88,7 +90,7 @@ def test_tendons_of_joints_and_skins_are_noted(load):
 <geom size="0.1"/></body></body></worldbody>
 <tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>
 </mujoco>"""
-    assert "left out: 1 tendons that couple joints" in load(text, "robot.xml").notes
+    assert "left out: 1 tendon between joints" in load(text, "robot.xml").notes
 
 
 @pytest.mark.parametrize(
@@ -111,6 +113,51 @@ def test_tendons_of_joints_and_skins_are_noted(load):
         (
             robot(link("a", INERTIAL.replace('"1"', '"1,5"'))),
             "robot.urdf:2: mass: bad format in attribute 'value': found '1,5'",
+        ),
+        *(
+            (
+                robot(link("a"), link("b", INERTIAL.replace('"1"', f'"{mass}"')), joint("j", "a", "b")),
+                f"robot.urdf:3: link 'b': mass: found {mass}, expected a number from 0 to 1e+30",
+            )
+            for mass in ("-1", "1e300", "inf", "nan")
+        ),
+        (
+            robot(link("a"), link("b", INERTIAL.replace('ixx="0.01"', 'ixx="nan"')), joint("j", "a", "b")),
+            "robot.urdf:3: link 'b': ixx: found nan, expected a number from -1e+30 to 1e+30",
+        ),
+        (
+            BALL.replace("/>", ' density="-1"/>'),
+            "robot.urdf:1: body 'b': density: found -1, expected a number from 0 to 1e+30",
+        ),
+        (
+            BALL.replace("<geom", '<inertial pos="0 0 0" mass="nan" diaginertia="1 1 1"/><geom'),
+            "robot.urdf:1: body 'b': mass: found nan, expected a number from 0 to 1e+30",
+        ),
+        (
+            robot(*map(link, "abc"), joint("j", "a", "b"), joint("k", "b", "c"), joint("l", "a", "c")),
+            "robot.urdf:7: joint 'l': link 'c' has a parent by joint 'k' (line 6) too: a URDF has no closed "
+            "loops; leave out one of the joints, and close the loop in the scene (body_joints)",
+        ),
+        (
+            robot(*map(link, "abc"), joint("j", "a", "b"), joint("k", "b", "c"), joint("l", "c", "a")),
+            "robot.urdf:7: joint 'l': link 'a' is above its own parent 'c': no link is the root",
+        ),
+        (
+            robot(link("a"), joint("j", "a", "a")),
+            "robot.urdf:3: joint 'j': it connects link 'a' to itself",
+        ),
+        (
+            robot(link("base"), link("b"), joint("j", "bse", "b")),
+            "robot.urdf:4: joint 'j': its parent 'bse' is no link of the file; did you mean 'base'?",
+        ),
+        (
+            robot(link("a"), link("b"), joint("j", "a", "b").replace('<child link="b"/>', "")),
+            "robot.urdf:4: joint 'j': it has no child; expected <child link=\"NAME\"/>",
+        ),
+        (
+            robot(link("a"), link("b"), joint("j", "a", "b", "rotary")),
+            "robot.urdf:4: joint 'j': type: found 'rotary', expected revolute, continuous, prismatic, fixed, "
+            "floating, planar",
         ),
         (
             "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n",
@@ -150,8 +197,9 @@ def test_a_mesh_as_text_is_read(load, tmp_path):
 
 def test_a_number_that_is_not_finite_is_named(load):
     """In a URDF, with its link and line."""
+    far = INERTIAL.replace("<mass", '<origin xyz="0 0 inf"/><mass')
     with pytest.raises(RobotError, match=r"robot\.urdf:2: link 'a': its mass, inertia or pose is not finite"):
-        load(robot(link("a", INERTIAL.replace('ixx="0.01"', 'ixx="inf"'))))
+        load(robot(link("a", far)))
     turning = joint("turns", "a", "b").replace("0 1 0", "0 1.3407807929942597e+154 0")
     with pytest.raises(RobotError, match=r"robot\.urdf:4: joint 'turns': its axis is not finite"):
         load(robot(link("a"), link("b"), turning))

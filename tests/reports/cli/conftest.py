@@ -49,7 +49,7 @@ def here(touchstone, monkeypatch):
 @pytest.fixture
 def unpictured(monkeypatch):
     """Runs that draw no pictures."""
-    for name in ("write_picture", "draw", "draw_forces"):
+    for name in ("write_picture", "draw"):
         monkeypatch.setattr(study, name, lambda *_: None)
 
 

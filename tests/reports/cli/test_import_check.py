@@ -98,7 +98,7 @@ def test_a_robot_is_written_as_simulated_bodies(touchstone, refused, robots, tmp
     for option in ("--hold", "--fixed-base"):
         assert refused(f"{ARM_IN} {option}") == "--fixed-base and --hold are options of --free"
     code, out, err = touchstone(f"{ARM_IN} --free --hold")
-    assert (code, "3 bodies, 1 joints" in out, "as pinocchio reads them" in out) == (0, True, True), err
+    assert (code, "3 bodies, 1 joint" in out, "as pinocchio reads them" in out) == (0, True, True), err
     (joint,) = read_scene(tmp_path / "arm.toml").body_joints
     assert (joint.parent, joint.child, joint.lower, joint.upper) == ("base", "upper", -1.0, 1.0)
     assert joint.stiffness > 0

@@ -94,10 +94,43 @@ def test_what_is_not_asked_is_not_measured(registry):
     assert set(map(repr, some)) <= set(map(repr, every))
 
 
+@pytest.mark.parametrize(
+    ("asked", "line"),
+    [
+        ("friction.stop", "no body slides until it stops"),
+        ("ratio.time", "it compares columns; name another engine or profile"),
+        ("'f*'", "nothing in it that they measure"),
+    ],
+)
+def test_a_metric_that_a_scene_lacks_is_named(touchstone, quick, asked, line):
+    """Exit 2, no table, and a line with the reason and the metrics that have figures; rows are stored."""
+    code, out, err = touchstone(f"run fall --engine reference --profile balanced --metric {asked} --out r")
+    assert (code, out) == (2, "")
+    said = err.splitlines()[-1]
+    assert said.startswith(
+        f"touchstone: --metric {asked.strip(chr(39))}: no figure in fall: {line} (valid here: "
+    )
+    assert "energy.*, overlap.time, solver.*" in said
+    assert Path("r/results.csv").exists()
+    code, out, _ = touchstone("judge r --metric friction.stop --metric overlap.time --out again")
+    assert (code, "overlap.time" in out) == (0, True)
+    code, _, err = touchstone("judge r --metric friction.stop --out third")
+    assert (
+        code,
+        err.splitlines()[-1].startswith("touchstone: --metric friction.stop: no figure in fall: "),
+    ) == (
+        2,
+        True,
+    )
+    code, _, err = touchstone("compare again again --metric energy.gain")
+    said = "touchstone: --metric energy.gain: in neither run (valid here: friction.stop, overlap.time)\n"
+    assert (code, err) == (2, said)
+
+
 def test_changed_settings_are_told_everywhere(touchstone, tmp_path, left):
     """File results under profile and changes, in rows, table, recordings, report and manifest."""
     changed = "--profile balanced --set event_rows=100.0 --set removal=eq1 --set depth=exact"
-    code, out, _ = touchstone(f"run fall --engine reference --out r --metric overlap.max {changed}")
+    code, out, _ = touchstone(f"run fall --engine reference --out r --metric overlap.time {changed}")
     label = "balanced, depth=exact, event_rows=100"
     assert code == 0
     assert "depth=exact" in out

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from io import StringIO
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 import pandas as pd
@@ -14,8 +15,9 @@ import pytest
 from touchstone.adapters.knobs import Choice
 from touchstone.adapters.registry import ENGINES, changes_of, installed, missing_reason, settings_of
 from touchstone.reports.cli.challenge import settings_file
+from touchstone.reports.cli.cheapest import cost_lines, tuned_lines
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.tuning import Candidate, Space, values_of
+from touchstone.reports.studies.tuning import Asked, Candidate, Search, Space, values_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.write import scene_toml
 
@@ -144,6 +146,27 @@ def test_a_neighbour_differs_in_one_thing():
 def mujoco(registry):
     """Skip where MuJoCo is not installed."""
     return registry.engine("mujoco")
+
+
+@pytest.mark.parametrize(("engine", "plays"), [("mujoco", 8), ("mujoco", 60), ("bullet", 61), ("dart", 240)])
+def test_a_search_tries_as_many_settings_as_it_says(monkeypatch, tmp_path, engine, plays):
+    """As many different settings are played as are asked for."""
+    scenes = {"bounce_e05": catalogue()["bounce_e05"]}
+    search = Search(Asked(engine, scenes, {"position": 1e-3}, plays, 1, 0, tmp_path), lambda *_: None)
+
+    def play(candidates, names):
+        for one in candidates:
+            error = 1e-5 * (crc32(repr(one).encode()) % 997)
+            search._errors[one, names[0]] = {"position": error}, one.dt
+
+    monkeypatch.setattr(search, "_play", play)
+    monkeypatch.setattr(
+        search, "_timed", lambda found: {one: search._setting(one, [*scenes]) for one in found}
+    )
+    found = search.run()
+    assert found.tried == plays
+    assert f"{plays} settings of " in cost_lines(search._asked)[0]
+    assert f" of {plays} settings: " in tuned_lines(search._asked, found, [])[0]
 
 
 @pytest.mark.slow

@@ -5,22 +5,28 @@ import io
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from touchstone.adapters import registry
 from touchstone.adapters.motion_bounds import planned
-from touchstone.adapters.registry import ENGINES, OURS, available
+from touchstone.adapters.recorder import planned_for, record
+from touchstone.adapters.registry import ENGINES, OURS, available, load
+from touchstone.adapters.workers.variants import Pace, Variant
 from touchstone.reports.docs.listing import engines, show_rows
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.studies.effects import costs
-from touchstone.scenarios.catalogue import catalogue
+from touchstone.reports.runner.tasks import own_settings
+from touchstone.reports.studies import effects
+from touchstone.reports.studies.effects import REFERENCE, TOGGLED, toggles
+from touchstone.scenarios.catalogue import catalogue, tags
+from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.files.write import scene_data
 
 BALL = [{"name": "ball", "shape": {"radius": 0.05}}]
 
 
 @pytest.mark.parametrize("form", ["table", "json", "csv"])
-@pytest.mark.parametrize("what", ["scenarios", "engines", "metrics", "profiles"])
+@pytest.mark.parametrize("what", ["scenarios", "tags", "engines", "metrics", "profiles"])
 def test_lists_in_every_format(touchstone, monkeypatch, what, form):
     """Each list names all there is, parses in its format, and writes nothing else."""
     monkeypatch.setenv("COLUMNS", "120")
@@ -28,6 +34,7 @@ def test_lists_in_every_format(touchstone, monkeypatch, what, form):
     assert (code, err) == (0, "")
     wanted = {
         "scenarios": list(catalogue()),
+        "tags": list(tags()),
         "engines": list(available()),
         "metrics": list(METRICS),
         "profiles": [profile for entry in ENGINES.values() for profile in entry.profiles],
@@ -144,23 +151,55 @@ def test_bodies_that_overlap_at_the_start_are_named(touchstone, tmp_path):
 
 
 def test_effects_that_a_person_lacks_cost_nothing():
-    """A plan with one of them more keeps the fat bounds of the plan."""
+    """A plan with one of them more keeps the fat bounds of the plan, and does no other work."""
+    scenario = replace(catalogue()["two_arms"], duration=0.5, expectations=())
+    added = [names for change, names in toggles(scenario).items() if change.startswith("+")]
+    assert len(added) >= 5
+    engine, plan = load(REFERENCE), own_settings(REFERENCE)
+    base = record(engine, scenario, plan).work
+    for names in added:
+        settings = replace(plan, effects=names)
+        assert planned_for(REFERENCE, scenario, settings)[1].fat_bounds
+        assert (record(engine, scenario, settings).work == base).all()
+    assert not planned_for(REFERENCE, scenario, replace(plan, effects=PLANNED))[1].fat_bounds
+
+
+@pytest.mark.slow
+def test_measured_costs_of_effects():
+    """Effects that a person lacks take less than a fifth of a frame, contact most of one of `stack`."""
     scenario = catalogue()["two_arms"]
     stages = planned(scenario).stages
 
     def largest() -> float:
-        lacking = [cost for effect, cost in costs(scenario, passes=2).items() if effect not in stages]
-        assert len(lacking) >= 5
+        lacking = [cost for effect, cost in effects.costs(scenario, passes=2).items() if effect not in stages]
         return max(map(abs, lacking))
 
     assert any(largest() < 0.2 for _ in range(3))  # a measurement that is disturbed is made again
+    assert effects.costs(catalogue()["stack"])["contact"] > 0.2
 
 
-def test_effects_have_a_cost_here(touchstone, refused):
-    """Contact is most of what a frame of `stack` takes; effects that it lacks have a figure too."""
+COSTS = {effect: 1e-6 * (k + 1) for k, effect in enumerate(TOGGLED)}
+"""Time of an effect in a frame [s]."""
+
+
+def known(engine, scenario, settings, budget, passes):
+    """Variants whose frames take 1 us and the COSTS of their effects."""
+
+    def pace(one):
+        ours = planned(scenario).stages if one.effects is None else one.effects
+        return Pace(np.full(4, 1e-6 + sum(COSTS.get(effect, 0.0) for effect in ours)), np.zeros(4))
+
+    return [Variant(pace(one), pace(settings[0]), 0.0, 0.0, True, "") for one in settings]
+
+
+def test_effects_have_a_cost_here(touchstone, refused, monkeypatch):
+    """What a frame takes longer with an effect, over a frame of the plan; of those that a scene lacks too."""
+    monkeypatch.setattr(effects, "play", known)
     code, out, err = touchstone("show stack --effects --cost --format json")
     assert code == 0, err
-    rows = {row["effect"]: row for row in json.loads(out)}
-    assert float(rows["contact"]["cost [%]"]) > 20
-    assert rows["overlap_removal"]["cost [%]"] != ""
+    stages = planned(catalogue()["stack"]).stages
+    frame = 1e-6 + sum(COSTS.get(effect, 0.0) for effect in stages)
+    found = {row["effect"]: float(row["cost [%]"]) for row in json.loads(out) if row["effect"] in COSTS}
+    assert found == {effect: pytest.approx(100 * cost / frame, abs=0.5) for effect, cost in COSTS.items()}
+    assert not COSTS.keys() <= set(stages)
     assert refused("show stack --cost") == "--cost is a column of --effects; name both"

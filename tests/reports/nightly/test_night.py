@@ -151,7 +151,7 @@ def test_a_killed_night_is_continued(program, tmp_path):
     assert (code, played) == (130, ["fall", "slip"])
     code, out, err, played = program("nightly --quick")
     assert (code, played) == (0, ["slip", "study"])
-    assert "continued a night: 1 scenes were measured before" in err
+    assert "continued a night: 1 scene measured before" in err
     assert "First night of these settings" in out
     assert len(Store("nights").nights()) == 1
     assert list((tmp_path / "cache").glob("touchstone/nightly/unfinished/*")) == []

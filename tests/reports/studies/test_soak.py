@@ -74,7 +74,7 @@ def test_a_failure_is_written_with_the_line_that_replays_it(tmp_path):
 
     lines = []
     loader = partial(load_as, "explodes")
-    extent = Extent(1.0, most=1, tries=12)
+    extent = Extent(60.0, most=1, tries=12)
     found = soak(extent, "balanced", tmp_path, lines.append, loader, small)
     (failure,) = found.failures
     assert failure.outcome == "exploded"
@@ -91,7 +91,7 @@ def test_sound_scenes_leave_nothing(tmp_path):
     """Scenes without a failure are counted with their frames."""
     from fake_random_engines import load_as
 
-    found = soak(Extent(1.0, most=3), "balanced", tmp_path, print, partial(load_as, "silent"), small)
+    found = soak(Extent(60.0, most=3), "balanced", tmp_path, print, partial(load_as, "silent"), small)
     assert found.scenes == 3
     assert found.frames == sum(small(seed).frame_count for seed in range(3))
     assert found.failures == []

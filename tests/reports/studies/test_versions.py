@@ -80,10 +80,10 @@ def test_an_update_that_changes_physics_is_told(touchstone, refused, released, t
     code, out, err = touchstone(f"{command} fall --rounds 1 --out found")
     assert "fake-physics 9.9: does not exist for this interpreter; newest: 1.0, 1.1, 2.0, 3.0" in err
     assert f"faked {BROKEN}: cannot be imported: libphysics.so.3 is missing" in err
-    assert f"{SAME}: physics: 1 of 1 runs are the same to the bit as in 1.0" in out
+    assert f"{SAME}: physics: the same to the bit as in 1.0: 1 of 1 run" in out
     # 10 % of the fall of 1 s, in steps
     assert (
-        f"{LIGHTER}: physics: 0 of 1 runs are the same to the bit as in 1.0; motion differs by up to 493 mm"
+        f"{LIGHTER}: physics: the same to the bit as in 1.0: 0 of 1 run; motion differs by up to 493 mm"
         in out
     )
     assert code == 1
