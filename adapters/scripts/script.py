@@ -48,6 +48,7 @@ class Parts:
         read: lines before positions are read.
         commands: numbers of all steps (s, n) for driven bodies; None without any.
         of_mass: whether `position` is the centre of mass instead of the body's origin.
+        start: lines before the first step; they may use `commands`.
     """
 
     requirement: str
@@ -60,6 +61,7 @@ class Parts:
     read: Sequence[str] = ()
     commands: Array | None = None
     of_mass: bool = False
+    start: Sequence[str] = ()
 
 
 def moments(scenario: Scenario) -> list[int]:
@@ -132,7 +134,12 @@ def _lines(
     ]
     return [
         *('"""' + head[0], *head[1:], '"""', "", *parts.imports, "", *parts.settings, *parts.scene(width)),
-        *(*commands, f"bodies = {{{names}}}", f"shown = {moments(scenario)!r}  # of {rate} frames a second"),
+        *(
+            *commands,
+            *parts.start,
+            f"bodies = {{{names}}}",
+            f"shown = {moments(scenario)!r}  # of {rate} frames a second",
+        ),
         *(*_truth(scenario, parts.of_mass), f"for frame in range(1, {frames + 1}):"),
         f"    for step in range({each} * (frame - 1), {each} * frame):  # {settings.dt:.9g} s each",
         *(f"        {line}" for line in (["row = commands[step]"] if driven else [])),

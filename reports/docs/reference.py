@@ -19,7 +19,7 @@ import pandas as pd
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.knobs import Setting, SettingError, split
-from touchstone.adapters.registry import ENGINES, installed, settings_of
+from touchstone.adapters.registry import ENGINES, installed, registered, settings_of
 from touchstone.adapters.scripts.process import settings_lines
 from touchstone.reports.docs.listing import metric_rows, profile_rows, scenario_rows, setting_rows
 from touchstone.reports.runner.tasks import own_profile
@@ -92,6 +92,7 @@ MANUALS = {
     "mujoco": "https://mujoco.readthedocs.io/en/stable/XMLreference.html#{}",
     "bullet": "https://github.com/bulletphysics/bullet3/blob/master/docs/pybullet_quickstartguide.pdf",
     "dart": "https://github.com/dartsim/dart/tree/main/dart",
+    "drake": "https://drake.mit.edu/pydrake/{}.html",
 }
 """Where an engine documents its settings; braces take the name of one."""
 SHOWN = 80
@@ -104,9 +105,9 @@ def settings_pages(folder: Path) -> dict[str, str]:
     path = folder / EFFECTS
     measured = pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=list(KEPT))
     return {
-        f"{name}.md": _settings_page(name, errors_by_label(measured, name))
-        for name, entry in ENGINES.items()
-        if entry.script and installed(name)
+        f"{name}.md": _settings_page(registered(name), errors_by_label(measured, name))
+        for name in MANUALS
+        if installed(name)
     }
 
 

@@ -246,3 +246,32 @@ def test_other_bodies_stay_multibodies() -> None:
     np.testing.assert_allclose(reported.bodies[odd.name].inertia, odd.inertia, rtol=1e-6)
     snip = BulletEngine().build(catalogue()["ball_snip"], Settings("maximal", 1 / 240)).describe()
     assert 0 < snip.settings[RIGID] < len(catalogue()["ball_snip"].bodies)
+
+
+def test_friction_anchors_hold_boxes_and_hulls() -> None:
+    """An arch stands with anchors, of which it has one per stone, and slides apart without."""
+    assert _way_in_second_half("arch_stands", "recommended") < 1e-4
+    assert _way_in_second_half("arch_stands", "recommended", "frictionAnchor=off") > 1e-3
+
+
+def _way_in_second_half(name: str, profile: str, *changes: str) -> float:
+    """Largest way of a body in the second half of a scene [m]."""
+    place = record(BulletEngine(), catalogue()[name], Settings(profile, DT, changes)).position
+    return float(np.linalg.norm(place[-1] - place[len(place) // 2], axis=1).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "profile", "count"),
+    [
+        ("stack", "recommended", 5),
+        ("stack", "equal-step", 5),
+        ("stack", "default", 0),
+        ("slip", "recommended", 0),  # balls roll
+        ("belt", "recommended", 0),  # what lies on a belt is put back with it
+    ],
+)
+def test_which_bodies_have_friction_anchors(name: str, profile: str, count: int) -> None:
+    """Anchors of points that stick would hold what rolls, and what a moving surface carries."""
+    world = BulletEngine().build(catalogue()[name], Settings(profile, DT))
+    assert world.describe().settings["bodies with friction anchors"] == count
+    world.close()

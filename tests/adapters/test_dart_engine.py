@@ -14,11 +14,14 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Cone,
+    Cylinder,
     Ellipsoid,
     Hull,
     PairCoefficients,
     Piece,
     Scenario,
+    Shape,
     Sphere,
     Tracker,
 )
@@ -107,15 +110,23 @@ def test_settings() -> None:
         assert reported["detector"] == detector
 
 
-def test_primitives_take_the_advised_detector() -> None:
-    """Use DART's Bullet detector where only primitives meet, but under `default` DART's own, and say why."""
-    scenario = scene(FLOOR, solid("cube", Box((0.1, 0.1, 0.1)), (0.0, 0.0, 1.0)))
+@pytest.mark.parametrize(
+    ("shape", "detectors", "reason"),
+    [
+        (Box((0.1, 0.1, 0.1)), ("dart", "bullet", "fcl"), "only spheres and boxes meet"),
+        (Cylinder(0.1, 0.1), ("ode", "ode", "fcl"), "only primitives meet"),
+        (Cone(0.1, 0.2), ("bullet", "bullet", "fcl"), "only primitives meet"),
+    ],
+)
+def test_primitives_take_the_advised_detector(shape: Shape, detectors: tuple[str, ...], reason: str) -> None:
+    """Use the detector that suits the shapes that meet, but under `default` FCL, and say why."""
+    scenario = scene(FLOOR, solid("one", shape, (0.0, 0.0, 1.0)))
     reported = {
         profile: dart_engine.DartEngine().build(scenario, Settings(profile, DT)).describe().settings
         for profile in ("recommended", "accurate", "default")
     }
-    assert [reported[profile]["detector"] for profile in reported] == ["bullet", "bullet", "fcl"]
-    assert reported["recommended"]["detector_reason"].startswith("only primitives meet")
+    assert tuple(reported[profile]["detector"] for profile in reported) == detectors
+    assert reported["recommended"]["detector_reason"].startswith(reason)
 
 
 def test_accurate_solver() -> None:

@@ -1,5 +1,7 @@
 """Tables of settings: each reaches its engine or the reference's state, and comes back from it by name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,7 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES, changes_of, installed, load, settings_of
 from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
+from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere, Tracker
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
 HALF = (0.05, 0.05, 0.05)
@@ -84,6 +86,7 @@ READ_BACK = {
     ("bullet", "contactBreakingThreshold=0.01", "contactBreakingThreshold (as set)", 0.01),
     ("bullet", "contactProcessingThreshold=0.001", "contactProcessingThreshold (as set)", 0.001),
     ("bullet", "collisionMargin=0.001", "collisionMargin (as set)", 0.001),
+    ("bullet", "frictionAnchor=on", "bodies with friction anchors", 2),
     ("bullet", "sleep=on", "activationState (as set)", 1),
     ("dart", "solver=pgs", "lcp_solver", "PgsBoxedLcpSolver"),
     ("dart", "solver=nsgs", "lcp_solver", "NsgsFrictionSolver"),
@@ -178,6 +181,23 @@ def test_a_sleeping_box_is_woken_by_what_hits_it(lab, engine):
     asleep = (recording.time > 4.0) & ~hit
     assert not ends["sleeping"][asleep].any()
     assert np.abs(ends["sleeping"]).max() == pytest.approx(np.abs(ends["recommended"]).max(), rel=0.1)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "bullet", "dart"])
+@pytest.mark.parametrize("way", [(0.3, 0.0, 0.0), (0.0, 0.0, 0.2), (0.0, 0.0, -0.3)])
+def test_what_sleeps_goes_with_what_it_stands_on(engine, way):
+    """A box that rests on a platform goes where it goes; DART's goes up with it, and else sleeps on."""
+    if not installed(engine):
+        pytest.skip(f"{engine} is not installed")
+    still, unturned = (0.0, 0.0, -0.05), ((1.0, 0.0, 0.0, 0.0),) * 3
+    moved = tuple(a + b for a, b in zip(still, way))
+    platform = Body("platform", "prescribed", "wood", (Piece("slab", Box((1.0, 1.0, 0.05))),))
+    tracker = Tracker("platform", (), (0.0, 3.0, 4.0), (still, still, moved), unturned, ((),) * 3)
+    scene = replace(WOKEN, bodies=(platform, WOKEN.bodies[1]), duration=4.0, trackers=(tracker,))
+    end = record(load(engine), scene, Settings("sleeping", ENGINES[engine].profiles["sleeping"]))
+    sleeps_on = engine == "dart" and way[2] <= 0
+    gone = (0.0, 0.0, 0.0) if sleeps_on else way
+    assert end.position[-1, 1] - np.array((0.0, 0.0, 0.05)) == pytest.approx(np.array(gone), abs=1e-3)
 
 
 def test_every_profile_is_a_column() -> None:

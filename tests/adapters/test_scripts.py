@@ -10,7 +10,7 @@ import pytest
 
 from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.recorder import record
-from touchstone.adapters.registry import ENGINES, installed, registered, settings_of
+from touchstone.adapters.registry import ENGINES, installed, profiles_of, registered, settings_of
 from touchstone.adapters.scripts.process import distance, run, settings_lines, written
 from touchstone.adapters.scripts.script import MOST_LINES, joined, literal
 from touchstone.adapters.workers.play import play
@@ -36,11 +36,15 @@ CASES = [
     ("mujoco", "recommended", "slap_3"),
     ("mujoco", "recommended", "belt"),
     ("bullet", "maximal", "slip"),
+    *(("drake", "recommended", scene) for scene in ("stack", "coin_rolls", "bounce_e0")),
+    *(("drake", "default", scene) for scene in ("slide", "press")),
+    ("drake", "sap", "tip_holds"),
+    ("drake", "cenic", "incline_slides"),
 ]
 
 
 def settings(engine, profile, dt=None, *changes):
-    return Settings(profile, dt or ENGINES[engine].profiles[profile], changes)
+    return Settings(profile, dt or profiles_of(engine)[profile], changes)
 
 
 def needs(engine):
@@ -85,7 +89,7 @@ def run_here(path):
 def test_a_script_prints_the_recording(registry, engine, profile, scene, tmp_path):
     """At most 60 lines without our packages repeat positions to the bit, or to rounding from mass centres."""
     needs(engine)
-    scenario, own = scene_of(scene), settings(engine, profile)
+    scenario, own = scene_of(scene), settings(registered(engine), profile)
     script = written(scenario, engine, own)
     lines = script.text.splitlines()
     assert len(lines) <= MOST_LINES
@@ -124,12 +128,20 @@ def test_a_script_of_another_step_differs(tmp_path):
     assert distance(run(path), recording, scenario, script.of_mass) > 1e-6
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "bullet", "dart"])
-def test_lines_of_settings_are_those_of_the_script(engine):
+@pytest.mark.parametrize(
+    ("engine", "change"),
+    [
+        ("mujoco", "impratio=3"),
+        ("bullet", "contactERP=0.05"),
+        ("dart", "split_impulse=on"),
+        ("drake", "resolution_hint=0.01"),
+        ("drake", "stiction_tolerance=0.001"),
+    ],
+)
+def test_lines_of_settings_are_those_of_the_script(engine, change):
     """Each line to paste is in the script of the same settings, wherever lines break."""
     needs(engine)
-    change = {"mujoco": "impratio=3", "bullet": "contactERP=0.05", "dart": "split_impulse=on"}[engine]
-    profile = next(iter(ENGINES[engine].profiles))
+    profile = next(iter(profiles_of(registered(engine))))
     assert settings_of(engine).changes(profile, (change,)) == (change if "=on" in change else _plain(change),)
     own, scenario = settings(engine, profile, None, change), catalogue()["slide"]
     (pasted,) = settings_lines(scenario, engine, [own])
@@ -137,7 +149,9 @@ def test_lines_of_settings_are_those_of_the_script(engine):
     whole = _unwrapped("\n".join(pasted))
     assert pasted
     assert whole != _unwrapped("\n".join(settings_lines(scenario, engine, [replace(own, changes=())])[0]))
-    for statement in re.split(r"(?<=[)>\w]) (?=p\.|<|world|deactivation|\w+ = )", whole):
+    for statement in re.split(
+        r"(?<=[)>\w]) (?=p\.|<|world|deactivation|plant|scene_graph|Add|\w+ = )", whole
+    ):
         assert statement.strip() in text
 
 
@@ -154,14 +168,15 @@ def _unwrapped(text):
     ("engine", "scene", "said"),
     [
         ("reference", "fall", "reference: no scripts in its own API are written for it; for dart, bullet"),
-        ("drake", "fall", "drake: no scripts in its own API are written for it"),
+        ("newton", "fall", "newton: no scripts in its own API are written for it"),
+        ("drake", "slap_3", "drake: no script is written for driven bodies with hinges"),
         ("bullet", "ball_snip", "a script of ball_snip would have"),
         ("bullet", "ellipsoid_rocks", "bullet: pybullet makes no ellipsoids"),
     ],
 )
 def test_what_has_no_script_is_refused_by_name(engine, scene, said):
     """Engines without scripts, scenes with too many different bodies, and shapes that an engine lacks."""
-    if engine not in ("reference", "drake"):
+    if engine not in ("reference", "newton"):
         needs(engine)
     name = registered(engine)
     with pytest.raises(AdapterError, match=re.escape(said)):

@@ -87,7 +87,7 @@ class Bodies:
         arm: centres of mass in the body frames (n, 3) [m].
         origin: origins of the link frames in the body frames (n, 3) [m].
         colliders: per body its (id, link) pairs; `body_of` is the inverse.
-        rigid: bodies in maximal coordinates.
+        rigid: bodies in maximal coordinates; anchored: bodies with friction anchors.
         motors: of the mechanisms' joints.
         free, joined, driven: multibodies; kinematic: id per posed link, prescribed body and moving surface.
     """
@@ -116,18 +116,40 @@ class Bodies:
             self.origin[list(tree.bodies)] = tree.origins
         plain = [_is_plain(body) and k not in self._nested for k, body in enumerate(scenario.bodies)]
         self.rigid = set(np.flatnonzero(plain).tolist()) if self.parameters.maximal else set()
+        groups, moves = scenario.groups(), [surface_moves(body) for body in scenario.bodies]
+        posed = [moves[k] if group < 0 else group not in drives for k, group in enumerate(groups)]
+        self._weightless = [k for k, weightless in enumerate(posed) if weightless]
+        alone = [group < 0 and not posed[k] and k not in self._nested for k, group in enumerate(groups)]
+        self._alone = np.flatnonzero(alone).tolist()
+        self._carried = {
+            k for pair in scenario.touching_pairs() if not {*pair}.isdisjoint(self._weightless) for k in pair
+        }
+        self.anchored = self._with_anchors()
 
     def add(self) -> None:
         """Create all bodies in their initial state."""
-        groups, moves = self._scenario.groups(), [surface_moves(body) for body in self._scenario.bodies]
-        posed = [moves[k] if group < 0 else group not in self._drives for k, group in enumerate(groups)]
-        self._weightless = [k for k, weightless in enumerate(posed) if weightless]
-        alone = [group < 0 and not posed[k] and k not in self._nested for k, group in enumerate(groups)]
-        self.free = [self._add_free(k) for k in np.flatnonzero(alone).tolist()]
+        self.free = [self._add_free(k) for k in self._alone]
         self.joined = [self._add_joined(tree) for tree in self._trees]
         self.driven = [self._add_driven(k) for k in self._drives]
         self.kinematic = {link: self._create((link,), [], ORIGIN, IDENTITY) for link in self._weightless}
         self.body_of = {link: body for body, links in self.colliders.items() for link in links}
+
+    def _with_anchors(self) -> set[int]:
+        """Bodies with friction anchors: all, none, or in scenes that start at rest the simulated boxes and
+        hulls that rub and meet nothing whose pose each step sets. Bullet keeps the anchor of a point that
+        sticks, also while a body rolls on or is put back; what slides with one sinks in by a millimetre."""
+        scenario, bodies = self._scenario, self._scenario.bodies
+        if self.parameters.anchors is not None:
+            return set(range(len(bodies))) if self.parameters.anchors else set()
+        if any(any((*body.linear_velocity, *body.angular_velocity)) for body in bodies):
+            return set()
+        pairs = [pair for pair in scenario.touching_pairs() if scenario.pair_coefficients(*pair)[1] > 0]
+        return {
+            k
+            for k in {k for pair in pairs for k in pair} - self._carried
+            if bodies[k].kind == "simulated"
+            and all(isinstance(piece.shape, Box | Hull) for piece in bodies[k].pieces)
+        }
 
     def _add_free(self, body: int) -> Multibody:
         """Add a fixed or simulated body."""
@@ -254,10 +276,14 @@ class Bodies:
         for piece in root.pieces:
             if isinstance(piece.shape, ROUNDED):  # a margin is outside a hull: it rounds it exactly
                 dynamics["collisionMargin"] = piece.shape.radius
-        dynamics |= {} if root.kind in TRACKED else self.sleep
+        # nothing wakes what sleeps on a body whose pose is set: such a body rises through it
+        wakeful = root.kind in TRACKED or not self._carried.isdisjoint(bodies)
+        dynamics |= {} if wakeful else self.sleep
         pybullet.changeDynamics(number, BASE, **dynamics, **self._on)
         for k, body in enumerate(bodies):
             link = first + k
+            if body in self.anchored:
+                pybullet.changeDynamics(number, link, frictionAnchor=1, **self._on)
             own = {**LINK, **self._factors[body]._asdict()}
             if k < turned:
                 own["localInertiaDiagonal"] = self.moments[body]

@@ -108,6 +108,7 @@ class ReadBack:
             "gravity of driven links": "cancelled by an opposite force at each centre of mass",
             "contact breaking": "the threshold is one for the whole process",
             "threads": 1,
+            "bodies with friction anchors": len(self._bodies.anchored),
             "bodies in maximal coordinates": sum(fact[10] == RIGID_BODY for fact in facts),
             "collision_shapes": sum(self._piece_count(k) for k in range(len(self._scenario.bodies))),
         }

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from touchstone.adapters.engines.bullet import ENTRY
-from touchstone.adapters.engines.entry import ACCURATE, MAXIMAL, SLEEPING
+from touchstone.adapters.engines.entry import ACCURATE, DEFAULT, MAXIMAL, SLEEPING
 from touchstone.adapters.knobs import Choice, Range, Table
 
 PROFILES = tuple(ENTRY.profiles)
 """Columns of the table: recommended, equal-step, default, accurate, maximal, sleeping."""
-OF_BODIES = ("contactProcessingThreshold", "collisionMargin", "coordinates", "sleep")
+OF_BODIES = ("contactProcessingThreshold", "collisionMargin", "frictionAnchor", "coordinates", "sleep")
 """Settings of bodies; the others are arguments of setPhysicsEngineParameter."""
 _SWITCH = {"off": 0, "on": 1}
 
@@ -89,8 +89,14 @@ SETTINGS = Table(
             "collisionMargin",
             1,
             "m",
-            _all("", recommended="0.0", **{ACCURATE: "0.0"}),
+            _all("0.0", **{DEFAULT: "", MAXIMAL: ""}),
             "margin round hulls, not those of links; Bullet's default: 1 mm",
+        ),
+        Choice(
+            "frictionAnchor",
+            _SWITCH,
+            _all("", **{DEFAULT: "off", MAXIMAL: "off", ACCURATE: "off"}),
+            "whether friction corrects the drift of points that stick; recommended: by body",
         ),
         Choice("sleep", _SWITCH, _all("off", **{SLEEPING: "on"}), "bodies at rest are not simulated"),
     ),

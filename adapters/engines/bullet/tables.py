@@ -49,19 +49,24 @@ LINK: dict[str, int | float] = {"jointDamping": 0.0}
 
 
 class Parameters(NamedTuple):
-    """Settings of a profile for the solver, every base, and the base of a body with hulls."""
+    """Settings of a profile for the solver, every base, and the base of a body with hulls; whether free balls
+    and boxes are in maximal coordinates, bodies may sleep, and friction has anchors (None: by body)."""
 
     solver: dict[str, int | float]
     base: dict[str, int | float]
     hull: dict[str, int | float]
     maximal: bool
     sleep: bool
+    anchors: bool | None
 
 
 def parameters_of(profile: str, changes: Iterable[str]) -> Parameters:
     """Settings of a profile with its changes ("key=value").
 
-    `recommended`, `accurate`: no margin of 1 mm, by which hulls hover (pybullet's quickstart guide).
+    All but `default` and `maximal`: no margin of 1 mm, by which hulls hover (pybullet's quickstart guide).
+    `recommended`, `equal-step`, `sleeping`: friction anchors for boxes and hulls of scenes that start at
+    rest, which correct the drift of contact points that stick, as Bullet's own model of a gripper has them
+    (friction_anchor in its franka_panda/panda.urdf).
     `accurate`: at four times the default rate, a quarter of the correction per step corrects at the same
     rate in time and adds a quarter of the speed to a rebound. Contacts slower than twice the speed that
     gravity adds in a step of 1/960 s rest instead of bouncing. There are no contacts ahead of a collision:
@@ -77,6 +82,7 @@ def parameters_of(profile: str, changes: Iterable[str]) -> Parameters:
         hull={} if margin is None else {"collisionMargin": margin},
         maximal=bool(own["coordinates"]),
         sleep=bool(own["sleep"]),
+        anchors=None if own["frictionAnchor"] is None else bool(own["frictionAnchor"]),
     )
 
 

@@ -33,7 +33,7 @@ SETTINGS = Table(
             "detector",
             {"fcl": 0, "bullet": 1, "dart": 2, "ode": 3},
             _all(""),
-            "collision detector; by default fcl, or bullet where fcl is wrong or only primitives meet",
+            "collision detector; recommended: dart for spheres and boxes, ode or bullet for primitives",
         ),
         Range(
             "iterations",

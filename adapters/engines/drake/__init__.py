@@ -16,4 +16,5 @@ ENTRY = Entry(
         *("static friction", "rolling friction", "torsional friction"),
     ),
     settings="touchstone.adapters.engines.drake.settings:SETTINGS",
+    script="touchstone.adapters.engines.drake.script",
 )

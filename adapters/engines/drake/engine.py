@@ -60,6 +60,7 @@ from touchstone.adapters.engines.drake.model import (
     hydroelastic_of,
     inertia_of,
     set_contact_model,
+    start_of,
     transform,
     word_of,
 )
@@ -165,11 +166,9 @@ class World:
         for body, drake in zip(self._scenario.bodies, self._bodies):
             if body.kind != "simulated":
                 continue
-            pose = transform(np.array(body.position), np.array(body.orientation))
+            pose, omega, velocity = start_of(body)
             self._place(drake, pose)
-            omega = np.array(body.angular_velocity)
-            arm = pose.rotation() @ np.array(body.center_of_mass)
-            self._move(drake, omega, np.array(body.linear_velocity) - np.cross(omega, arm))
+            self._move(drake, omega, velocity)
         for drive, hinges in zip(self._drives, self._hinges):
             root = self._bodies[drive.links[0]]
             self._place(root, transform(drive.start_position[0], drive.start_orientation[0]))
@@ -188,6 +187,7 @@ class World:
     def drive(self, step: int) -> None:
         """Apply each root's wrench and set the target of its servos, or the torques of its hinges."""
         plant, context, forces = self._plant, self._context, []
+        self._applied: list[Array] = []
         torques = np.zeros(plant.num_velocities())
         for k, drive in enumerate(self._drives):
             root = self._bodies[drive.links[0]]
@@ -195,6 +195,7 @@ class World:
             turn = pose.rotation().ToQuaternion().wxyz()
             motion = moved.translational(), moved.rotational()
             force, torque = drive.wrench(step, pose.translation(), turn, *motion)
+            self._applied += [force, torque]
             applied = ExternallyAppliedSpatialForce()
             applied.body_index, applied.p_BoBq_B = root.index(), np.zeros(3)
             applied.F_Bq_W = SpatialForce(tau=torque, f=force)
@@ -213,6 +214,10 @@ class World:
             if self._settings.drive != "native":
                 plant.get_applied_generalized_force_input_port().FixValue(context, torques)
                 self._hinge_torque = torques
+
+    def applied(self) -> Array:
+        """Force [N] and torque [N m] that the last `drive` set on each root (6 d,)."""
+        return np.concatenate(self._applied)
 
     def step(self) -> None:
         """Advance by one step of the plant."""

@@ -115,6 +115,16 @@ def transform(position: Array, orientation: Array) -> RigidTransform:
     return RigidTransform(RotationMatrix(axes), np.array(position))
 
 
+def start_of(body: Body) -> tuple[RigidTransform, Array, Array]:
+    """Pose, angular velocity [rad/s] and velocity of the origin [m/s] of a simulated body at the start."""
+    pose, omega = (
+        transform(np.array(body.position), np.array(body.orientation)),
+        np.array(body.angular_velocity),
+    )
+    arm = pose.rotation() @ np.array(body.center_of_mass)
+    return pose, omega, np.array(body.linear_velocity) - np.cross(omega, arm)
+
+
 def check_restitution(scenario: Scenario) -> None:
     """Raise Unsupported for pairs that bounce more than RESTITUTION_MAX."""
     found = [pair for pair, e in restitutions(scenario).items() if e > RESTITUTION_MAX]
