@@ -12,7 +12,7 @@ from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import profiles_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
-from touchstone.scenarios.random_scenes import random_scene
+from touchstone.scenarios.random_scenes import kind_of, random_scene
 from touchstone.scenarios.relations.changes import carried, with_hulls
 from touchstone.scenarios.scenario import GRAVITY, IDENTITY, Body, Box, Piece, Scenario, Sphere, Tracker
 from touchstone.scenarios.solids import block
@@ -84,18 +84,22 @@ def test_curved_contacts_on_a_platform(registry, name, profile):
         assert np.abs(two.position - way[:, None] - one.position)[:, free].max() < 1e-7
 
 
-@pytest.mark.parametrize("seed", [5003, 5004, 5008, 5016, 5024, 5026, 5028])
-def test_random_scenes_on_a_platform(registry, seed):
-    """Drops, bridges and spinning bodies on a moving platform stay within what their own sensitivity makes of
-    the distance at which impacts are found."""
-    scene = random_scene(seed)
-    one = played(registry, scene)
-    two = played(registry, carried(scene, SPEED))
-    near = played(registry, perturbed(scene, 1e-10, 0))
-    free = [k for k, body in enumerate(scene.bodies) if body.kind == "simulated"]
-    apart = np.abs(two.position - np.outer(one.time, SPEED)[:, None] - one.position)[:, free].max()
-    growth = np.abs(near.position - one.position).max() / 1e-10
-    assert apart < 1e-6 * max(1.0, growth)
+def test_random_scenes_on_a_platform(registry):
+    """Of fourteen drops, bridges and spinning bodies on a moving platform, all but one stay within what their
+    own sensitivity makes of the distance at which impacts are found; in one, a graze may become a miss."""
+    seeds = [seed for seed in range(5003, 5036) if kind_of(seed) in ("drop", "bridge", "spin")][:14]
+    beyond = []
+    for seed in seeds:
+        scene = random_scene(seed)
+        one = played(registry, scene)
+        two = played(registry, carried(scene, SPEED))
+        near = played(registry, perturbed(scene, 1e-10, 0))
+        free = [k for k, body in enumerate(scene.bodies) if body.kind == "simulated"]
+        apart = np.abs(two.position - np.outer(one.time, SPEED)[:, None] - one.position)[:, free].max()
+        growth = np.abs(near.position - one.position).max() / 1e-10
+        beyond += [seed] if apart >= 1e-6 * max(1.0, growth) else []
+    assert len(seeds) == 14
+    assert len(beyond) <= 1
 
 
 def test_prescribed_bodies_may_overlap(registry):
