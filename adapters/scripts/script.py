@@ -206,6 +206,17 @@ def within(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"""', r"\"\"\"")
 
 
+def filled(rows: Sequence[str], width: int) -> list[str]:
+    """Rows of data on lines of at most `width` characters."""
+    found: list[str] = []
+    for row in rows:
+        if found and len(found[-1]) + len(row) + 2 <= width:
+            found[-1] += f" {row},"
+        else:
+            found.append(f"    {row},")
+    return found
+
+
 def wrapped(text: str, width: int = WIDTH) -> list[str]:
     """A statement with brackets as lines of at most `width` characters, where blanks allow it."""
     return textwrap.wrap(

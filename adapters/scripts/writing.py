@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from touchstone.adapters.contract import Array, Unsupported
-from touchstone.adapters.scripts.script import WIDTH, literal, wrapped
+from touchstone.adapters.scripts.script import WIDTH, filled, literal, wrapped
 from touchstone.adapters.scripts.trace import Attribute, Made, Ref, Statement, Trace, is_plain, references
 
 MOST_REPEATED = 40
@@ -242,18 +242,7 @@ class Writer:
             data = [f"({row})" for row in data]
         if len(", ".join(data)) + len(", ".join(names)) < WIDTH - 12:
             return [f"for {', '.join(names)} in [{', '.join(data)}]:", *body]
-        return [f"for {', '.join(names)} in [", *_packed(data, width), "]:", *body]
-
-
-def _packed(rows: Sequence[str], width: int) -> list[str]:
-    """Rows of data on lines of at most `width` characters."""
-    found: list[str] = []
-    for row in rows:
-        if found and len(found[-1]) + len(row) + 2 <= width:
-            found[-1] += f" {row},"
-        else:
-            found.append(f"    {row},")
-    return found
+        return [f"for {', '.join(names)} in [", *filled(data, width), "]:", *body]
 
 
 def _hint(function: str) -> str:

@@ -97,29 +97,22 @@ def resolve_impacts(world, count, time, h):
         log_held(bodies, pairs, count, contacts, state, time)
     if state["mechanisms"] == 1:
         # joints that have reached a limit stop there
-        if not slowed and _meets_limits(joints, drivers):
-            slow_held(bodies, joints, drivers, state)
+        for d in range(state["driven_count"], len(drivers)):
+            if not slowed and meets_limit(joints, drivers[d]):
+                slow_joints(bodies, joints, drivers[d])
         solve_contacts(bodies, joints, drivers, pairs, 0, False, state)
     return done
 
 
 @kernel
 def slow_held(bodies, joints, drivers, state):
-    """`slow_joints` of all mechanisms, once before all impacts of an event: from then on the energy by which
-    held joints answer bounds theirs. Returns whether any joint was held."""
+    """`slow_joints` of all mechanisms, once before the impacts of an event: none of these raises the kinetic
+    energy in which the answers of held joints count as inertia, and it bounds that of the bodies. Returns
+    whether any joint was held."""
     found = False
     for d in range(state["driven_count"], len(drivers)):
         slow_joints(bodies, joints, drivers[d])
         found = found or drivers[d]["held"] == 1
-    return found
-
-
-@kernel
-def _meets_limits(joints, drivers):
-    """Whether a joint of a driver moves into a limit at which it is."""
-    found = False
-    for d in range(len(drivers)):
-        found = found or meets_limit(joints, drivers[d])
     return found
 
 

@@ -31,9 +31,8 @@ from touchstone.reference_impl.core.rotation import (
 
 @kernel
 def curve_rotation(body, h):
-    """Set `curve_turn` of a body in a substep of length h [s] to what its rotation vector at the end exceeds
-    that of the mean of `old_omega` and `path_omega` by. Its world inertia is that after free rotation; leaves
-    it at any orientation."""
+    """Set `curve_turn` of a body: its rotation vector over a substep of length h [s] less h times the mean of
+    `old_omega` and `path_omega`. Its world inertia is that after free rotation; turns the body."""
     out_curve = body["curve_turn"]
     out_curve[:] = 0.0
     free = body["kind"] == SIMULATED and body["driver"] < 0 and body["led"] == 1
@@ -62,8 +61,8 @@ def curve_rotation(body, h):
 
 @kernel
 def mean_omega_curve(body, h):
-    """What the mean angular velocity of a body over a substep of length h exceeds the mean of `old_omega` and
-    `path_omega` by [rad/s]: a rotation vector contains the turn of its rate, too."""
+    """Mean angular velocity of a body over a substep of length h, less the mean of `old_omega` and
+    `path_omega` [rad/s]; the rotation vector has the term h^2 / 12 omega(h) x omega(0), too (Magnus)."""
     turned = times(-h / 12, cross(body["path_omega"], body["old_omega"]))
     return plus(turned, 1 / h, vector_of(body["curve_turn"]))
 

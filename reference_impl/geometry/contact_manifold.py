@@ -108,7 +108,7 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
                 row = pair["next_point"] = rows
                 rows += 1
             elif state["lower"][0, 2] > pair["distance"] + WITNESS_ERROR:
-                # between a side's line and a face, it is deeper beside that line
+                # a cylinder may be deepest beside the line of its side that was clipped
                 continue
             _write_point(state["lower"][c], face_on_a, pair["point_a"], state, pairs[row])
     return without_merged(pairs, touching, rows) if grouped else rows

@@ -23,7 +23,7 @@ from touchstone.adapters.engines.drake.model import (
 )
 from touchstone.adapters.engines.drake.settings import SETTINGS
 from touchstone.adapters.material_combine import frictions
-from touchstone.adapters.scripts.script import Parts, literal, moving
+from touchstone.adapters.scripts.script import Parts, filled, literal, moving
 from touchstone.adapters.servo import Drive, simulated_masses
 from touchstone.scenarios import scenario as shapes
 from touchstone.scenarios.scenario import Piece, Scenario
@@ -114,10 +114,14 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
             *REGISTER,
         ],
         lambda width: [
-            *_rows("bodies = {row[0]: add(*row) for row in [", _added(scenario, drives), "]}", width),
+            "bodies = {row[0]: add(*row) for row in [",
+            *filled(_added(scenario, drives), width),
+            "]}",
             *("plant.Finalize()", "diagram = builder.Build()", "root = diagram.CreateDefaultContext()"),
             "context = plant.GetMyMutableContextFromRoot(root)",
-            *_rows("for name, place, omega, velocity in [", _started(scenario, drives), "]:", width),
+            "for name, place, omega, velocity in [",
+            *filled(_started(scenario, drives), width),
+            "]:",
             "    plant.SetFreeBodyPose(context, bodies[name], place)",
             "    motion = SpatialVelocity(np.array(omega), np.array(velocity))",
             "    plant.SetFreeBodySpatialVelocity(context, bodies[name], motion)",
@@ -130,17 +134,6 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
         commands=_commands(scenario, settings) if drives else None,
         start=[*(["apply(commands[0])"] if drives else []), "simulator.Initialize()"],
     )
-
-
-def _rows(opening: str, rows: list[str], closing: str, width: int) -> list[str]:
-    """A list, row by row, or as many rows on a line as fit."""
-    found: list[str] = []
-    for row in rows:
-        if found and len(found[-1]) + len(row) + 2 <= width:
-            found[-1] += f" {row},"
-        else:
-            found.append(f"    {row},")
-    return [opening, *found, closing]
 
 
 def _added(scenario: Scenario, drives: list[Drive]) -> list[str]:
