@@ -407,7 +407,7 @@ def _advance(world, touching, returned, h):
     pairs, state = world.pairs, world.state
     start, collision = clock(state["clock"]), state["stage_seconds"][STAGE_COLLISION]
     mark_pairs(bodies, world.pieces, pairs, touching)
-    until = _until_swing(bodies, joints, drivers, h, state["dt"])
+    until, sought = _until_swing(bodies, joints, drivers, h, state["dt"]), (-1, -1)
     for _ in range(WAY_ATTEMPTS):
         fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
         if fast or state["detection"] == DETECTION_SWEEP:
@@ -415,7 +415,7 @@ def _advance(world, touching, returned, h):
         else:
             pose_at(bodies, until)
             end, _ = detect(world, SIMULATED, touching)
-        fraction, drifted, met = earliest_impact(world, touching, end, until, fast)
+        fraction, drifted, met = earliest_impact(world, touching, end, until, fast, sought)
         if fraction >= returned or met < 0:
             break
         error = 0.0
@@ -426,7 +426,7 @@ def _advance(world, touching, returned, h):
                 error = max(error, way_error(bodies, joints, driver, link, fraction, h, state["dt"]))
         if error <= WAY_ERROR:
             break
-        until = fraction
+        until, sought = fraction, (pairs[met]["piece_a"], pairs[met]["piece_b"])
         for d in range(len(drivers)):
             if drivers[d]["loops"] == 1:
                 set_link_ways(bodies, joints, drivers[d], until, h, state["dt"])

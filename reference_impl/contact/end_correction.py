@@ -279,14 +279,14 @@ def exchange_geometry(pair):
 
 @kernel
 def gap_aimed(pair, h, state):
-    """Gap of a contact at the end of a substep of length h [m]: what is left of its overlap. With drivers in
-    the loop it is taken back over a frame: their forces do work along it, and at once would shake a load. It
-    stays where no motion paid for the lift."""
-    if state["unpaid_energy"] > 0:
-        return min(GAP_LEFT, max(pair["distance"], -SINKING_DEPTH))
+    """Gap of a contact at the end of a substep of length h [m]: its own up to GAP_LEFT, or what is left of its
+    overlap. With drivers in the loop it is taken back over a frame: their forces do work along it, and at
+    once would shake a load. It stays where no motion paid for the lift."""
+    gap = min(GAP_LEFT, max(pair["distance"], -SINKING_DEPTH))
+    if gap >= 0 or state["unpaid_energy"] > 0:
+        return gap
     share = 1.0 if state["led_loop"] == 1 else RETURN_SHARE
-    left = max(0.0, 1 - h / (share * state["dt"]))
-    return GAP_LEFT - left * max(0.0, GAP_LEFT - max(pair["distance"], -SINKING_DEPTH))
+    return gap * max(0.0, 1 - h / (share * state["dt"]))
 
 
 @kernel

@@ -37,7 +37,7 @@ SINKING_SLACK = 2.5e-7
 
 
 @inlined_kernel
-def earliest_impact(world, touching, end, until, fast):
+def earliest_impact(world, touching, end, until, fast, sought):
     """Fraction of the substep at which the first new contact closes to `impact_gap`, or the first touching
     pair sinks because another of its points has landed.
 
@@ -48,6 +48,7 @@ def earliest_impact(world, touching, end, until, fast):
         until: the search ends at this fraction.
         fast: compute the time of impact of pairs that move farther than the sum of their widths; test the
             others at the end, and at the event that is found.
+        sought: pieces of the pair that met along ways less exact than these, or -1: it may not overlap at all.
     Returns:
         (fraction, drifted, met): `until` if there is no event; whether a resting contact may overlap there;
         and the row of the pair that meets, or -1. Leaves bodies at arbitrary poses.
@@ -69,7 +70,8 @@ def earliest_impact(world, touching, end, until, fast):
         swept = sweeps and not (marked and agrees)
         if (fast or sweeps) and not swept:
             distance_at(moving, until)
-        if not swept and pair["distance"] >= -OVERLAP_TOLERANCE:
+        meets = pair["piece_a"] == sought[0] and pair["piece_b"] == sought[1]
+        if not swept and pair["distance"] >= (0.0 if meets else -OVERLAP_TOLERANCE):
             continue
         before = first
         if marked:

@@ -63,7 +63,7 @@ IMPACT_SLACK = 2e-7
 IMPACT_SHARE = 0.4
 """Accepted deviation from `impact_gap`, relative to it [1]."""
 GAP_LEFT = 1e-9
-"""Gap to which the law of positions closes contacts [m]: the normal of coinciding faces is not unique."""
+"""Largest gap to which the law of positions closes contacts [m]."""
 APPROACH_MIN = 1e-4
 """Approach speed below which a contact is not an impact [m/s]."""
 NO_MOTION = -0.0
