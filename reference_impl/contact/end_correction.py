@@ -42,8 +42,8 @@ from touchstone.reference_impl.geometry.shapes import place_piece
 from touchstone.reference_impl.solver.islands import has_moment
 from touchstone.reference_impl.solver.mobility import point_velocity
 
-END_ERROR = GAP_LEFT / 10
-"""Error of a gap at the end of a substep that is not corrected [m]."""
+END_ERROR, END_SPEED = GAP_LEFT / 10, 6e-9
+"""Largest error at the end of a substep that is not corrected, of a gap [m], and of a speed [m/s]."""
 RETURN_SHARE = 1e-3
 """Share of a frame over which an overlap is taken back [1]: 1e-6 m at 0.06 m/s."""
 
@@ -56,8 +56,7 @@ def correct_ends(world, count, h, last):
     Args:
         last: measure the errors alone.
     Returns:
-        Largest error of a gap, or of its change by the speed at the end [m]. Rows up to END_ERROR stay as
-        they are.
+        Largest error of a gap, or of its change by the speeds at the end [m].
     """
     bodies, pairs = world.bodies, world.pairs
     if count == len(pairs):
@@ -74,6 +73,12 @@ def correct_ends(world, count, h, last):
             pose_along(a, 0.0)
             pose_along(b, 0.0)
     return error
+
+
+@kernel
+def end_error(h):
+    """Error at the end of a substep of length h [s] that is not corrected [m]."""
+    return min(END_ERROR, max(END_SPEED * h, END_ERROR / 100))
 
 
 @kernel
@@ -196,7 +201,7 @@ def _correct(a, b, pair, found, h, state, last):
         error = max(0.0, -gap)
     elif pair["slides"] == 0 and _keeps_sliding(pair, ux, uy, uz) and not last:
         pair["slides"], error = 1, max(error, 2 * END_ERROR)
-    if last or error <= END_ERROR:
+    if last:
         return error
     # under a coupling both laws differ by more than the change of a force
     if state["led_loop"] == 0 and _is_free(a) and _is_free(b):
@@ -212,9 +217,11 @@ def _correct(a, b, pair, found, h, state, last):
     vx, vy, vz = _velocity_on(a, a["velocity"], a["omega"], pair["lever_a"])
     along = closing - (middle[0] * ux + middle[1] * uy + middle[2] * uz)
     bias = pair["bias"]
-    bias[0] = ux - (x - vx) + along * middle[0]
-    bias[1] = uy - (y - vy) + along * middle[1]
-    bias[2] = uz - (z - vz) + along * middle[2]
+    ux, uy, uz = plus((ux - x + vx, uy - y + vy, uz - z + vz), along, vector_of(middle))
+    change = plus((ux, uy, uz), -1.0, vector_of(bias))
+    if pair["friction"] > 0 and (p[0] != 0 or p[1] != 0 or p[2] != 0):
+        error = max(error, h * sqrt(dot(change, change)))
+    bias[0], bias[1], bias[2] = ux, uy, uz
     x, y, z = _mean_slip(a, b, pair, h)
     n = pair["path_normal"] if pair["followed"] == 1 else middle
     # the part of the gap's change that the mean velocity does not give
@@ -279,9 +286,9 @@ def exchange_geometry(pair):
 
 @kernel
 def gap_aimed(pair, h, state):
-    """Gap of a contact at the end of a substep of length h [m]: its own up to GAP_LEFT, or what is left of its
-    overlap. With drivers in the loop it is taken back over a frame: their forces do work along it, and at
-    once would shake a load. It stays where no motion paid for the lift."""
+    """Gap of a contact at the end of a substep of length h [m]: its own up to GAP_LEFT, or what is left of
+    its overlap. With drivers in the loop it is taken back over a frame: their forces do work along it, and
+    at once would shake a load. It stays where no motion paid for the lift."""
     gap = min(GAP_LEFT, max(pair["distance"], -SINKING_DEPTH))
     if gap >= 0 or state["unpaid_energy"] > 0:
         return gap

@@ -16,6 +16,7 @@ from touchstone.reference_impl.contact.end_correction import (
     END_ERROR,
     add_changes,
     correct_ends,
+    end_error,
     exchange_geometry,
     friction_work,
     gap_aimed,
@@ -189,7 +190,7 @@ def _correct_ends(world, count, h):
             set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
             error = correct_ends(world, count, h, last)
         followed = moved <= (LARGEST_ERROR if state["curved"] == 1 else 0.0)
-        if (error <= END_ERROR and followed) or last:
+        if (error <= end_error(h) and followed) or last:
             break
         if k == 0 and state["led_loop"] == 1:
             correct_faces(bodies, world.pieces, pairs, count, h, state)

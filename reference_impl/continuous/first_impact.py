@@ -48,7 +48,7 @@ def earliest_impact(world, touching, end, until, fast, sought):
         until: the search ends at this fraction.
         fast: compute the time of impact of pairs that move farther than the sum of their widths; test the
             others at the end, and at the event that is found.
-        sought: pieces of the pair that met along ways less exact than these, or -1: it may not overlap at all.
+        sought: pieces of the pair that met along ways less exact than these, or -1: it may not overlap.
     Returns:
         (fraction, drifted, met): `until` if there is no event; whether a resting contact may overlap there;
         and the row of the pair that meets, or -1. Leaves bodies at arbitrary poses.
