@@ -21,6 +21,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
     is_moving,
     is_round,
 )
+from touchstone.reference_impl.continuous.contact_motion import END_ERROR, end_error
 from touchstone.reference_impl.continuous.forced_rotation import mean_omega_curve
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
@@ -42,8 +43,6 @@ from touchstone.reference_impl.geometry.shapes import place_piece
 from touchstone.reference_impl.solver.islands import has_moment
 from touchstone.reference_impl.solver.mobility import point_velocity
 
-END_ERROR, END_SPEED = GAP_LEFT / 10, 6e-9
-"""Largest error at the end of a substep that is not corrected, of a gap [m], and of a speed [m/s]."""
 RETURN_SHARE = 1e-3
 """Share of a frame over which an overlap is taken back [1]: 1e-6 m at 0.06 m/s."""
 
@@ -73,12 +72,6 @@ def correct_ends(world, count, h, last):
             pose_along(a, 0.0)
             pose_along(b, 0.0)
     return error
-
-
-@kernel
-def end_error(h):
-    """Error at the end of a substep of length h [s] that is not corrected [m]."""
-    return min(END_ERROR, max(END_SPEED * h, END_ERROR / 100))
 
 
 @kernel
@@ -201,8 +194,11 @@ def _correct(a, b, pair, found, h, state, last):
         error = max(0.0, -gap)
     elif pair["slides"] == 0 and _keeps_sliding(pair, ux, uy, uz) and not last:
         pair["slides"], error = 1, max(error, 2 * END_ERROR)
-    if last:
+    loaded = pair["friction"] > 0 and (p[0] != 0 or p[1] != 0 or p[2] != 0)
+    if last or (error <= end_error(h) and not loaded):
         return error
+    bias, followed = pair["bias"], pair["followed"]
+    held, on_a, on_b = vector_of(middle), vector_of(pair["lever_a"]), vector_of(pair["lever_b"])
     # under a coupling both laws differ by more than the change of a force
     if state["led_loop"] == 0 and _is_free(a) and _is_free(b):
         _follow_parabolas(a, b, pair, found)
@@ -216,11 +212,16 @@ def _correct(a, b, pair, found, h, state, last):
     x, y, z = _velocity_on(b, b["velocity"], b["omega"], pair["lever_b"])
     vx, vy, vz = _velocity_on(a, a["velocity"], a["omega"], pair["lever_a"])
     along = closing - (middle[0] * ux + middle[1] * uy + middle[2] * uz)
-    bias = pair["bias"]
     ux, uy, uz = plus((ux - x + vx, uy - y + vy, uz - z + vz), along, vector_of(middle))
-    change = plus((ux, uy, uz), -1.0, vector_of(bias))
-    if pair["friction"] > 0 and (p[0] != 0 or p[1] != 0 or p[2] != 0):
-        error = max(error, h * sqrt(dot(change, change)))
+    if loaded:
+        x, y, z = plus((ux, uy, uz), -1.0, vector_of(bias))
+        error = max(error, h * sqrt(x * x + y * y + z * z))
+        if error <= end_error(h):
+            # the impulses are those of the row as it was
+            pair["followed"] = followed
+            for i in range(3):
+                middle[i], pair["lever_a"][i], pair["lever_b"][i] = held[i], on_a[i], on_b[i]
+            return error
     bias[0], bias[1], bias[2] = ux, uy, uz
     x, y, z = _mean_slip(a, b, pair, h)
     n = pair["path_normal"] if pair["followed"] == 1 else middle

@@ -16,10 +16,10 @@ or down.
 
 from math import sqrt
 
-from touchstone.reference_impl.contact.end_correction import END_ERROR
 from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.contact.separation import kinetic_energy
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
+from touchstone.reference_impl.continuous.contact_motion import END_ERROR
 from touchstone.reference_impl.continuous.mechanism_motion import has_motor, spring_energy, take_velocities
 from touchstone.reference_impl.core.conventions import (
     ENERGY_ROUNDING,

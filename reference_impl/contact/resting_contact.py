@@ -13,10 +13,8 @@ from touchstone.reference_impl.contact.contact_events import (
 )
 from touchstone.reference_impl.contact.contact_log import log_held
 from touchstone.reference_impl.contact.end_correction import (
-    END_ERROR,
     add_changes,
     correct_ends,
-    end_error,
     exchange_geometry,
     friction_work,
     gap_aimed,
@@ -31,9 +29,11 @@ from touchstone.reference_impl.contact.grip import (
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
 from touchstone.reference_impl.continuous.contact_motion import (
+    END_ERROR,
     bias_share,
     correct_faces,
     curved_share,
+    end_error,
     exchange_paths,
     is_curved,
     move_surfaces,

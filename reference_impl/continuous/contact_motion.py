@@ -20,7 +20,14 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
     is_moving,
     velocity_at,
 )
-from touchstone.reference_impl.core.conventions import NEVER, NO_FLOOR, OVERLAP_TOLERANCE, SIMULATED, SPHERE
+from touchstone.reference_impl.core.conventions import (
+    GAP_LEFT,
+    NEVER,
+    NO_FLOOR,
+    OVERLAP_TOLERANCE,
+    SIMULATED,
+    SPHERE,
+)
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
 
@@ -28,9 +35,8 @@ BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
 """Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and
 share of it that a shortened substep allows [1]."""
 
-STRAIGHT = 1e-10
-"""Motion along a normal by rotation within half a substep below which a contact is not curved [m]: a tenth of
-GAP_LEFT."""
+END_ERROR, END_SPEED = GAP_LEFT / 10, 6e-9
+"""Largest error at the end of a substep that is not corrected, of a gap [m] and of a speed [m/s]."""
 CURVED_PARTS = 64
 """Most substeps of a frame for the accuracy of curved contacts."""
 LARGEST_TURN = 0.5
@@ -115,13 +121,21 @@ def move_to_middle(bodies, pieces, pair, h):
 
 
 @kernel
+def end_error(h):
+    """Error at the end of a substep of length h [s] that is not corrected [m]."""
+    return min(END_ERROR, max(END_SPEED * h, END_ERROR / 100))
+
+
+@kernel
 def is_curved(bodies, drivers, pair, h):
-    """Whether a row approaches or parts by rotation within a substep of length h [s], on paths that no
-    coupling bends."""
+    """Whether a row's velocity changes by rotation within a substep of length h [s], on paths that no
+    coupling bends: along its normal or, with friction, in any direction."""
     n, v = pair["normal"], pair["bias"]
     if _is_coupled(bodies[pair["body_a"]], drivers) or _is_coupled(bodies[pair["body_b"]], drivers):
         return False
-    return abs(n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) * h > STRAIGHT
+    if pair["friction"] > 0:
+        return h * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) > end_error(h)
+    return h * abs(n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) > end_error(h)
 
 
 @kernel
