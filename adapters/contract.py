@@ -133,6 +133,12 @@ class BodyFacts:
     center_of_mass: tuple[float, ...]
     inertia: tuple[tuple[float, ...], ...]
 
+    @classmethod
+    def of(cls, mass: float, center_of_mass: Array, inertia: Array) -> BodyFacts:
+        """Facts from arrays of numbers of any precision."""
+        center, rows = np.asarray(center_of_mass, float).tolist(), np.asarray(inertia, float).tolist()
+        return cls(float(mass), tuple(center), tuple(map(tuple, rows)))
+
 
 @dataclass(frozen=True, slots=True)
 class PairFacts:

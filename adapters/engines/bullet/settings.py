@@ -1,4 +1,4 @@
-"""Settings of Bullet that `--set` changes (`settings.csv`), named as in pybullet but `coordinates`, `sleep`."""
+"""Settings of Bullet that `--set` changes (`settings.csv`): pybullet's names, `coordinates` and `sleep`."""
 
 from touchstone.adapters.engines.bullet import ENTRY
 from touchstone.adapters.knobs import table_of

@@ -167,8 +167,7 @@ def set_mass(node: Any, body: Body | BodyFacts) -> None:
 
 def body_facts(node: Any) -> BodyFacts:
     """Mass properties of a node."""
-    rows: Any = node.getInertia().getMoment()
-    return BodyFacts(node.getMass(), tuple(node.getLocalCOM().tolist()), tuple(map(tuple, rows.tolist())))
+    return BodyFacts.of(node.getMass(), node.getLocalCOM(), node.getInertia().getMoment())
 
 
 def add_body(world: Any, body: Body) -> Any:

@@ -130,7 +130,7 @@ def pose(position: Any, orientation: Any) -> Any:
 
 def _add_body(builder: Any, name: str, masses: Body | BodyFacts, own: Any, posed: bool) -> int:
     if not masses.mass > 0:  # a prescribed body; MuJoCo ignores the velocity of one without mass
-        masses = BodyFacts(1.0, masses.center_of_mass, tuple(map(tuple, np.eye(3).tolist())))
+        masses = BodyFacts.of(1.0, masses.center_of_mass, np.eye(3))
     index: int = builder.add_body(xform=own, label=name, is_kinematic=posed, **_given(masses))
     return index
 
