@@ -9,6 +9,7 @@ from math import cos, fsum, pi, sin
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
@@ -263,6 +264,14 @@ def slab(
         position=(-0.5 * x, -0.5 * y, -0.5 * z),
         orientation=orientation,
     )
+
+
+def outward_faces(points: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Triangles (t, 3) of the hull of `points` (n, 3), counter-clockwise seen from outside."""
+    hull = ConvexHull(points)
+    p, q, r = (points[hull.simplices[:, k]] for k in range(3))
+    inwards = np.einsum("ij,ij->i", np.cross(q - p, r - p), hull.equations[:, :3]) < 0
+    return np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
 
 
 PYRAMID_SIDES = 32

@@ -89,29 +89,22 @@ def _deepest(points: Any) -> tuple[float, Array] | None:
 
 
 def _shape(shape: Shape, client: int) -> int:
+    given: dict[str, Any]
     match shape:
         case Sphere(radius):
-            made = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=client)
+            kind, given = pybullet.GEOM_SPHERE, {"radius": radius}
         case Box(half):
-            made = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
+            kind, given = pybullet.GEOM_BOX, {"halfExtents": half}
         case Capsule(radius, half_length):
-            made = pybullet.createCollisionShape(
-                pybullet.GEOM_CAPSULE, radius=radius, height=2 * half_length, physicsClientId=client
-            )
+            kind, given = pybullet.GEOM_CAPSULE, {"radius": radius, "height": 2 * half_length}
         case Cylinder(radius, half_length):
-            made = pybullet.createCollisionShape(
-                pybullet.GEOM_CYLINDER, radius=radius, height=2 * half_length, physicsClientId=client
-            )
+            kind, given = pybullet.GEOM_CYLINDER, {"radius": radius, "height": 2 * half_length}
         case HalfSpace():
-            made = pybullet.createCollisionShape(
-                pybullet.GEOM_PLANE, planeNormal=(0.0, 0.0, 1.0), physicsClientId=client
-            )
-        case Hull() | RoundedBox() | RoundedHull():
-            vertices = shape.vertices if isinstance(shape, Hull) else core_vertices(shape)
-            made = pybullet.createCollisionShape(
-                pybullet.GEOM_MESH, vertices=vertices, physicsClientId=client
-            )
+            kind, given = pybullet.GEOM_PLANE, {"planeNormal": (0.0, 0.0, 1.0)}
+        case Hull(vertices):
+            kind, given = pybullet.GEOM_MESH, {"vertices": vertices}
+        case RoundedBox() | RoundedHull():
+            kind, given = pybullet.GEOM_MESH, {"vertices": core_vertices(shape)}
         case _:
             raise Unsupported(f"bullet: no shape {type(shape).__name__}")
-    number: int = made
-    return number
+    return int(pybullet.createCollisionShape(kind, physicsClientId=client, **given))

@@ -12,7 +12,6 @@ from typing import Any
 
 import fcl
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import Array, Scalar, Unsupported
 from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
@@ -28,6 +27,7 @@ from touchstone.scenarios.scenario import (
     Shape,
     Sphere,
 )
+from touchstone.scenarios.solids import outward_faces
 
 
 class FclCollide:
@@ -119,11 +119,3 @@ def _shape(shape: Shape) -> Any:
             faces = outward_faces(points)
             return fcl.Convex(points, len(faces), np.insert(faces, 0, 3, axis=1).ravel())
     raise Unsupported(f"python-fcl: no shape {type(shape).__name__}")
-
-
-def outward_faces(points: Array) -> Any:
-    """Triangles (t, 3) of the hull of `points`, counter-clockwise seen from outside."""
-    hull = ConvexHull(points)
-    p, q, r = (points[hull.simplices[:, k]] for k in range(3))
-    inwards = np.einsum("ij,ij->i", np.cross(q - p, r - p), hull.equations[:, :3]) < 0
-    return np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
