@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from touchstone.scenarios.avatar.hand import hand_parts
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.gallery import TABLE_TOP, gallery
 from touchstone.scenarios.materials import TABLE_1
@@ -62,12 +62,4 @@ def _glove(names: tuple[str, ...]) -> Tracker:
     angles = np.tile(OTHER_FINGERS * (len(names) // 3), (len(times), 1))
     first = names.index("index_proximal")
     angles[:, first : first + 3] = index
-    return Tracker(
-        root="palm",
-        joints=names,
-        times=tuple(times.tolist()),
-        positions=(PALM,) * len(times),
-        orientations=((1.0, 0.0, 0.0, 0.0),) * len(times),
-        angles=tuple(tuple(row) for row in angles.tolist()),
-        interpolation="cubic",
-    )
+    return keyframed("palm", times, PALM, joints=names, angles=angles)

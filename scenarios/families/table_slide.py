@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from touchstone.scenarios.avatar.hand import hand_parts
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.gallery import DOOR, TABLE_TOP, gallery
 from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector, vector
+from touchstone.scenarios.scenario import Expectation, Scenario, Vector
 from touchstone.scenarios.solids import ball
 
 DURATION, FRAME_RATE = 8.0, 60
@@ -51,15 +51,7 @@ def table_slide() -> Scenario:
     for (start, place), (end, following) in pairwise(STATIONS):
         path += np.outer(ease(times, start, end - start), np.subtract(following, place))
     names = tuple(joint.name for joint in joints)
-    glove = Tracker(
-        root="palm",
-        joints=names,
-        times=tuple(times.tolist()),
-        positions=tuple(map(vector, path)),
-        orientations=(BACKWARDS,) * len(times),
-        angles=(RELAXED * (len(names) // 3),) * len(times),
-        interpolation="cubic",
-    )
+    glove = keyframed("palm", times, path, BACKWARDS, names, RELAXED * (len(names) // 3))
     return Scenario(
         name="table_slide",
         summary="a hand slides over a table and back, then pushes a ball off it",
