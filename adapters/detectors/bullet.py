@@ -7,7 +7,7 @@ child's output is redirected.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 import pybullet
 
 from touchstone.adapters.contract import Array, Scalar, Unsupported
-from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
+from touchstone.adapters.detectors import Pair, PythonDetector, Query
 from touchstone.scenarios.scenario import (
     Box,
     Capsule,
@@ -36,19 +36,16 @@ DISTANCE, NORMAL = 8, 7
 """Indices in the tuple of a closest point."""
 
 
-class BulletDetector:
+class BulletDetector(PythonDetector):
     """`getClosestPoints` of two static bodies; reports the deepest point of the manifold. `tight` sets the
     collision margin to zero."""
-
-    crossings = (APART, TOUCHING)
 
     def __init__(self, tight: bool = False) -> None:
         self._tight = tight
         self._client = pybullet.connect(pybullet.DIRECT)
 
-    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
-        """Add the pieces as bodies; closing the batch removes them."""
-        return PythonBatch(self._query, pairs, lambda: pybullet.resetSimulation(physicsClientId=self._client))
+    def _release(self) -> None:
+        pybullet.resetSimulation(physicsClientId=self._client)
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version and call."""

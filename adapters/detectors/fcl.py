@@ -6,7 +6,7 @@ call uses a new result, because python-fcl's results have no `clear`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -14,7 +14,7 @@ import fcl
 import numpy as np
 
 from touchstone.adapters.contract import Array, Scalar, Unsupported
-from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
+from touchstone.adapters.detectors import APART, Pair, PythonDetector, Query, unit
 from touchstone.adapters.engines.reference.reference_world import matrix
 from touchstone.scenarios.scenario import (
     Box,
@@ -30,14 +30,8 @@ from touchstone.scenarios.scenario import (
 from touchstone.scenarios.solids import outward_faces
 
 
-class FclCollide:
+class FclCollide(PythonDetector):
     """Contacts only, by default one, the deepest; reports no contact for separated pieces."""
-
-    crossings = (APART, TOUCHING)
-
-    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
-        """Build collision objects."""
-        return PythonBatch(self._query, pairs, lambda: None)
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version and solver."""
@@ -56,14 +50,10 @@ class FclCollide:
         return Query(ask, _deepest)
 
 
-class FclDistance:
+class FclDistance(PythonDetector):
     """Signed distance with nearest points. (Overlapping spheres run the full EPA: 155 us.)"""
 
     crossings = (APART, APART)
-
-    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
-        """Build collision objects."""
-        return PythonBatch(self._query, pairs, lambda: None)
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version and solver."""

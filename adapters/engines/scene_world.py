@@ -5,7 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from touchstone.adapters.contract import BodyFacts, Engine, Manifest, PairFacts, Scalar, Settings, State
+import numpy as np
+
+from touchstone.adapters.contract import (
+    Array,
+    BodyFacts,
+    Engine,
+    Manifest,
+    PairFacts,
+    Scalar,
+    Settings,
+    State,
+)
 from touchstone.adapters.posed_drive import Posed, coupled, posed_of
 from touchstone.adapters.servo import Drive, without_ballast
 from touchstone.scenarios.scenario import Scenario
@@ -47,6 +58,11 @@ class SceneWorld:
     def _show_posed(self, state: State) -> None:
         for one, hinges in self._posed:
             one.show(self._moment, state, hinges)
+
+    def _write_hinges(self, state: State, each: Sequence[tuple[Array, Array]]) -> None:
+        """Write angles and rates of the hinges of each tracker, in order, into a state."""
+        angles, rates = zip(*each)
+        state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
 
     def _pair_facts(self, combined: Callable[[int, int], tuple[float, float]]) -> tuple[PairFacts, ...]:
         """Restitution and friction, by `combined`, of the pairs that may touch."""

@@ -242,8 +242,8 @@ class World(SceneWorld):
             state.angular_velocity[k] = node.getAngularVelocity()
         self._show_posed(state)
         if self._hands:
-            state.joint_angle[:] = np.concatenate([hand.getPositions()[ROOT_DOFS:] for hand in self._hands])
-            state.joint_rate[:] = np.concatenate([hand.getVelocities()[ROOT_DOFS:] for hand in self._hands])
+            moved = [(hand.getPositions(), hand.getVelocities()) for hand in self._hands]
+            self._write_hinges(state, [(q[ROOT_DOFS:], rate[ROOT_DOFS:]) for q, rate in moved])
             state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._hands))])
             for k, drive, root in zip(self._coupled, self._drives, self._roots):
                 drive.read(state, k, root.getLinearVelocity(), root.getAngularVelocity())

@@ -239,9 +239,7 @@ class World(SceneWorld):
             state.angular_velocity[k] = omega
         self._read_contacts(state)
         if self._drives:
-            found = [self._hinge_state(k) for k in range(len(self._drives))]
-            state.joint_angle[:] = np.concatenate([angle for angle, _ in found])
-            state.joint_rate[:] = np.concatenate([rate for _, rate in found])
+            self._write_hinges(state, [self._hinge_state(k) for k in range(len(self._drives))])
             for k, drive in enumerate(self._drives):
                 moved = plant.EvalBodySpatialVelocityInWorld(context, self._bodies[drive.links[0]])
                 drive.read(state, k, moved.translational(), moved.rotational())

@@ -231,8 +231,7 @@ class World(SceneWorld):
         if self._jointed:
             if self._settings.profile == XPBD:  # it has poses of bodies alone
                 newton.eval_ik(self._model, self._now, self._now.joint_q, self._now.joint_qd)
-            angles, rates = zip(*(one.hinges(self._now) for one in self._jointed))
-            state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
+            self._write_hinges(state, [one.hinges(self._now) for one in self._jointed])
             if self._steps:
                 state.hinge_torque[:] = self._torques
         self._read_contacts(state)

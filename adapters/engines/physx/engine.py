@@ -110,8 +110,7 @@ class World(SceneWorld):
                 state, k, body.linear_velocity.astype(float), body.angular_velocity.astype(float)
             )
         if self._jointed:
-            angles, rates = zip(*(jointed.state() for jointed in self._jointed))
-            state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
+            self._write_hinges(state, [jointed.state() for jointed in self._jointed])
             if self._moment:
                 state.hinge_torque[:] = np.concatenate([jointed.torques() for jointed in self._jointed])
         self._read_contacts(state)

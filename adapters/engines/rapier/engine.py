@@ -140,8 +140,7 @@ class World(SceneWorld):
             state.angular_velocity[k] = body.angvel.to_tuple()
         state.position[:], state.orientation[:] = self._position, self._orientation
         if self._hinges:
-            angles, rates = zip(*(one.state() for one in self._hinges))
-            state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
+            self._write_hinges(state, [one.state() for one in self._hinges])
         for one, hinges in self._posed:
             one.show(self._moment, state, hinges)
             links = list(one.links)
