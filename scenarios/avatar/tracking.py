@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import pi
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +52,14 @@ def ease(times: Array, start: float, duration: float) -> Array:
     return s * s * (3 - 2 * s)
 
 
+def through(stations: Sequence[tuple[float, ArrayLike]], times: Array) -> Array:
+    """Points (n, 3) at `times` (n,) [s] of an eased way through stations: end times [s] and points then."""
+    points = np.tile(np.asarray(stations[0][1], dtype=float), (len(times), 1))
+    for (start, place), (end, following) in pairwise(stations):
+        points += np.outer(ease(times, start, end - start), np.subtract(following, place))
+    return points
+
+
 def keyframed(
     root: str,
     times: ArrayLike,
@@ -59,7 +68,7 @@ def keyframed(
     joints: Sequence[str] = (),
     angles: ArrayLike = (),
     interpolation: Interpolation = "cubic",
-    **coupling: float,
+    **coupling: Any,
 ) -> Tracker:
     """Tracker through k keyframes at `times` (k,) [s].
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,7 @@ def _tracker(
     hinge_frequency: float = 70.0,
 ) -> Tracker:
     bent = np.zeros(len(joints)) if angles is None else angles
-    gains = {"stiffness": stiffness, "damping": damping, "hinge_frequency": hinge_frequency}
+    gains: dict[str, Any] = {"stiffness": stiffness, "damping": damping, "hinge_frequency": hinge_frequency}
     return keyframed(root, np.arange(len(path)) / RATE, path, joints=joints, angles=bent, **gains)
 
 
