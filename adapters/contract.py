@@ -15,7 +15,7 @@ from math import prod
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from touchstone.scenarios.avatar.noisy_tracker import TRACKERS
 from touchstone.scenarios.effects import PLANNED
@@ -132,6 +132,12 @@ class BodyFacts:
     mass: float
     center_of_mass: tuple[float, ...]
     inertia: tuple[tuple[float, ...], ...]
+
+    @classmethod
+    def of(cls, mass: float, center_of_mass: ArrayLike, inertia: ArrayLike) -> BodyFacts:
+        """Facts from arrays of numbers of any precision."""
+        center, rows = np.asarray(center_of_mass, float).tolist(), np.asarray(inertia, float).tolist()
+        return cls(float(mass), tuple(center), tuple(map(tuple, rows)))
 
 
 @dataclass(frozen=True, slots=True)

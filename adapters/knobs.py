@@ -5,10 +5,13 @@ A table imports no engine, so the command line can check `--set KEY=VALUE` quick
 
 from __future__ import annotations
 
+import csv
 import difflib
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
+from pathlib import Path
 from typing import Any
 
 from touchstone.adapters.contract import AdapterError
@@ -111,6 +114,33 @@ class Numbers:
 
 
 Setting = Choice | Range | Numbers
+
+
+def table_of(module: str, profiles: Iterable[str]) -> Table:
+    """The table in `settings.csv` beside a module (its `__file__`), a row a setting.
+
+    `values`: names with their numbers in the engine (`off=0 on=1`), bounds (`0 to 1`, `whole 1 to 9`), or the
+    bounds of several numbers (`0 to 1: 0 to 9`). A column for each profile. `idle`, where there is one:
+    another setting and its values with which this one does nothing (`integrator=discrete`).
+    """
+    profiles = tuple(profiles)
+    with open(Path(module).with_name("settings.csv"), encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    idle = {row["setting"]: re.split("[=|]", row["idle"]) for row in rows if row.get("idle")}
+    settings = [_setting(row, tuple(row[profile] for profile in profiles)) for row in rows]
+    return Table(profiles, settings, {name: tuple(words) for name, words in idle.items()})
+
+
+def _setting(row: Mapping[str, str], profiles: tuple[str, ...]) -> Setting:
+    name, values, summary = row["setting"], row["values"], row["summary"]
+    if "=" in values:
+        words = dict(word.split("=") for word in values.split())
+        return Choice(name, {word: int(number) for word, number in words.items()}, profiles, summary)
+    ends = [tuple(map(float, ends.split(" to "))) for ends in values.removeprefix("whole ").split(":")]
+    bounds = tuple((least, most) for least, most in ends)
+    if len(bounds) > 1:
+        return Numbers(name, bounds, profiles, summary)
+    return Range(name, *bounds[0], row["unit"], profiles, summary, whole=values.startswith("whole"))
 
 
 class Table(Mapping[str, Setting]):

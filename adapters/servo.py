@@ -279,7 +279,7 @@ def _joined(body: BodyFacts, mass: float, inertia: Array) -> BodyFacts:
     arm = np.array(body.center_of_mass)
     center = body.mass / whole * arm
     about = np.array(body.inertia) + inertia + body.mass * _steiner(arm - center) + mass * _steiner(center)
-    return BodyFacts(whole, tuple(center.tolist()), tuple(tuple(row) for row in about.tolist()))
+    return BodyFacts.of(whole, center, about)
 
 
 def _steiner(arm: Array) -> Array:

@@ -40,28 +40,9 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 def motion(scenario: Scenario, truth: Truth, times: Array) -> Motion:
     """Closed-form motion of `truth.body` at increasing `times` [s] >= 0."""
     body = scenario.bodies[scenario.body_index(truth.body)]
-    match truth.law:
-        case "arcs":
-            return _along_arcs(body, truth.arcs, times)
-        case "torque_free":
-            return _free_top(scenario, body, times)
-        case "coupling":
-            tracker = next(t for t in scenario.trackers if t.root == truth.body)
-            return _coupled(body, tracker, scenario.frame_rate, times)
-        case "carried":
-            return _carried(scenario, body, times)
-        case "turntable":
-            return _on_turntable(scenario, body, times)
-        case "smooth_contact":
-            return smooth_contact(scenario, body, times)
-        case "rolling_cone":
-            return rolling_cone(scenario, body, times)
-        case "tipping":
-            return tipping(scenario, body, times)
-        case "mechanism":
-            return mechanism_motion(scenario, body, times)
-        case "stick_slip":
-            return stick_slip(scenario, body, times)
+    if truth.law == "arcs":
+        return _along_arcs(body, truth.arcs, times)
+    return LAWS[truth.law](scenario, body, times)
 
 
 def support(scenario: Scenario) -> tuple[int, Tracker]:
@@ -198,11 +179,13 @@ def flips(scenario: Scenario, truth: Truth) -> Array:
     return np.array(list(takewhile(lambda t: t <= scenario.duration, (first + k * half for k in count()))))
 
 
-def _coupled(body: Body, tracker: Tracker, frame_rate: int, times: Array) -> Motion:
+def _coupled(scenario: Scenario, body: Body, times: Array) -> Motion:
     """Motion under Eq. 6, m p'' = -K (p - p_t) - R (p' - p_t'), with a tracker that is linear between frames.
 
     Each frame applies the exponential of the linear system in (p - p_t, p' - p_t'); p_t' jumps at frames.
     """
+    tracker = next(one for one in scenario.trackers if one.root == body.name)
+    frame_rate = scenario.frame_rate
     k, r = tracker.stiffness / body.mass, tracker.damping / body.mass
     system = np.array([[0.0, 1.0], [-k, -r]])
     knots = np.arange(round(tracker.times[-1] * frame_rate) + 1) / frame_rate
@@ -379,3 +362,17 @@ def _radius(ball: Body) -> float:
     shape = ball.pieces[0].shape
     assert isinstance(shape, Sphere)
     return shape.radius
+
+
+LAWS: dict[str, Callable[[Scenario, Body, Array], Motion]] = {
+    "torque_free": _free_top,
+    "coupling": _coupled,
+    "carried": _carried,
+    "turntable": _on_turntable,
+    "smooth_contact": smooth_contact,
+    "rolling_cone": rolling_cone,
+    "tipping": tipping,
+    "mechanism": mechanism_motion,
+    "stick_slip": stick_slip,
+}
+"""Motion of a body by each law but that of arcs."""

@@ -9,10 +9,23 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import cos, pi, sin
+from typing import Any
 
 import numpy as np
 
-from touchstone.scenarios.scenario import Body, Box, Hull, Piece, Vector, vector
+from touchstone.scenarios.avatar.avatar import Parts
+from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.scenario import (
+    Body,
+    Box,
+    Hull,
+    Joint,
+    Piece,
+    Scenario,
+    Tracker,
+    Vector,
+    vector,
+)
 
 WEST, DOOR, EAST = -2.5, 2.5, 6.65
 """Inner faces of the west wall, of the partition in the west room, and of the east wall: x [m]."""
@@ -33,6 +46,32 @@ GOLDEN_TURN = pi * (3 - 5**0.5)
 """Angle between successive points of a spiral that covers a sphere evenly [rad]."""
 
 Pieces = tuple[Piece, ...]
+
+
+def gallery_scene(
+    name: str,
+    summary: str,
+    parts: Parts | tuple[tuple[Body, ...], tuple[Joint, ...]],
+    tracker: Tracker,
+    *others: Body,
+    material: str = "wood",
+    **fields: Any,
+) -> Scenario:
+    """A scene in the gallery as long as its tracker: a person or a hand (bodies, joints, and chains if it has
+    any) and other bodies."""
+    bodies, joints, *chains = parts
+    given: dict[str, Any] = {"frame_rate": 60, "seed": 5, "chains": chains[0] if chains else ()}
+    return Scenario(
+        name=name,
+        summary=summary,
+        tags=("gallery",),
+        bodies=(*gallery(material), *bodies, *others),
+        joints=joints,
+        trackers=(tracker,),
+        coefficients=TABLE_1,
+        duration=tracker.times[-1],
+        **given | fields,
+    )
 
 
 def gallery(material: str = "wood") -> tuple[Body, ...]:

@@ -16,7 +16,7 @@ from dataclasses import fields as dataclass_fields
 from itertools import combinations
 from math import isfinite
 from numbers import Real
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from touchstone.scenarios.truths.force_truth import ForceTruth
 from touchstone.scenarios.truths.published import Published
@@ -46,7 +46,8 @@ Law = Literal[
     "mechanism",
     "stick_slip",
 ]
-INTERPOLATIONS = ("pchip", "cubic", "linear", "held")
+Interpolation = Literal["pchip", "cubic", "linear", "held"]
+INTERPOLATIONS = get_args(Interpolation)
 UNBOUNDED = 1e30
 """Limit of a joint that it never reaches [rad, m, N or N m]."""
 GRAVITY = 9.81
@@ -304,7 +305,7 @@ class Tracker(ShortRepr):
     damping: float = 40.0
     hinge_frequency: float = 70.0
     held: int = 0
-    interpolation: Literal["pchip", "cubic", "linear", "held"] = "pchip"
+    interpolation: Interpolation = "pchip"
 
     def hold_last(self) -> Tracker:
         """Copy in which non-finite keyframes repeat the last good one, counted in `held`. Those before the

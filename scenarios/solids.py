@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from math import cos, fsum, pi, sin
-from typing import TypedDict, Unpack
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
@@ -39,13 +40,6 @@ from touchstone.scenarios.scenario import (
 
 SLAB = (10.0, 10.0, 0.5)
 """Half extents of a floor [m]."""
-
-
-class Motion(TypedDict, total=False):
-    """Initial velocity of the centre of mass [m/s] and angular velocity [rad/s], world; 0 if not given."""
-
-    velocity: Vector
-    spin: Vector
 
 
 def _diagonal(x: float, y: float, z: float) -> Matrix:
@@ -133,28 +127,68 @@ def hull_mass_properties(
     return total, vector(inside + centre), (rows[0], rows[1], rows[2])
 
 
-def _solid(
+def solid_properties(shape: Shape, mass: float) -> tuple[Vector, Matrix]:
+    """Centre of mass [m] and inertia about it [kg m^2] of a uniform solid, both in its own frame.
+
+    Raises:
+        ValueError: it is a half-space, or its vertices span no volume.
+    """
+    match shape:
+        case Sphere(radius):
+            return ORIGIN, sphere_inertia(mass, radius)
+        case Box(half_extents):
+            return ORIGIN, box_inertia(mass, half_extents)
+        case Capsule(radius, half_length):
+            return ORIGIN, capsule_inertia(mass, radius, half_length)
+        case Cylinder(radius, half_length):
+            return ORIGIN, cylinder_inertia(mass, radius, half_length)
+        case Cone(radius, half_length):
+            return (0.0, 0.0, -half_length / 2), cone_inertia(mass, radius, half_length)
+        case Ellipsoid(half_axes):
+            return ORIGIN, ellipsoid_inertia(mass, half_axes)
+        case Hull(vertices):
+            return hull_mass_properties(vertices, mass=mass)[1:]
+        case RoundedBox() | RoundedHull():
+            return rounded_mass_properties(core_vertices(shape), shape.radius, mass=mass)[1:]
+        case HalfSpace():
+            raise ValueError("a half-space has no mass")
+
+
+def solid(
     name: str,
-    kind: Kind,
     material: str,
     shape: Shape,
-    mass: float,
-    inertia: Matrix,
-    pose: tuple[Vector, Quaternion],
-    motion: Motion,
+    mass: float = 0.0,
+    position: Vector = ORIGIN,
+    orientation: Quaternion = IDENTITY,
+    kind: Kind = "simulated",
+    velocity: Vector = ORIGIN,
+    spin: Vector = ORIGIN,
 ) -> Body:
-    """A body of one piece whose origin is its centre of mass."""
+    """A uniform body of one shape whose origin is its centre of mass.
+
+    Args:
+        shape: its frame has the body's axes; the corners of a hull are shifted, other shapes are posed.
+        mass: in kg.
+        position, orientation, velocity, spin: pose [m, wxyz], velocity of the centre of mass [m/s] and
+            angular velocity [rad/s] at the start, world.
+    """
+    center, inertia = solid_properties(shape, mass)
+    if isinstance(shape, Hull):
+        corners = tuple(vector(np.subtract(vertex, center)) for vertex in shape.vertices)
+        shape, center = Hull(corners), ORIGIN
+    place = vector(np.subtract(ORIGIN, center))
     return Body(
         name,
         kind,
         material,
-        (Piece(name, shape),),
+        (Piece(name, shape, place),),
         mass=mass,
         inertia=inertia,
-        position=pose[0],
-        orientation=pose[1],
-        linear_velocity=motion.get("velocity", ORIGIN),
-        angular_velocity=motion.get("spin", ORIGIN),
+        position=position,
+        orientation=orientation,
+        linear_velocity=velocity,
+        angular_velocity=spin,
     )
 
 
@@ -168,122 +202,39 @@ def ball(
     spin: Vector = ORIGIN,
 ) -> Body:
     """A simulated solid ball; radius in m, mass in kg, then its state."""
-    return Body(
-        name,
-        "simulated",
-        material,
-        (Piece(name, Sphere(radius)),),
-        mass=mass,
-        inertia=sphere_inertia(mass, radius),
-        position=position,
-        linear_velocity=velocity,
-        angular_velocity=spin,
-    )
+    return solid(name, material, Sphere(radius), mass, position, velocity=velocity, spin=spin)
 
 
-def block(
-    name: str,
-    material: str,
-    half_extents: Vector,
-    mass: float = 0.0,
-    position: Vector = ORIGIN,
-    orientation: Quaternion = IDENTITY,
-    kind: Kind = "simulated",
-    **motion: Unpack[Motion],
-) -> Body:
-    """A solid box of one body; half extents in m, mass in kg, then its state."""
-    inertia = box_inertia(mass, half_extents)
-    return _solid(name, kind, material, Box(half_extents), mass, inertia, (position, orientation), motion)
+def block(name: str, material: str, half_extents: Vector, *state: Any, **motion: Any) -> Body:
+    """A solid box; half extents in m, then mass and state as of `solid`."""
+    return solid(name, material, Box(half_extents), *state, **motion)
 
 
-def capsule(
-    name: str,
-    material: str,
-    radius: float,
-    half_length: float,
-    mass: float = 0.0,
-    position: Vector = ORIGIN,
-    orientation: Quaternion = IDENTITY,
-    kind: Kind = "simulated",
-    **motion: Unpack[Motion],
-) -> Body:
-    """A solid capsule along the body's z axis; radius and half length in m, mass in kg, then its state."""
-    inertia = capsule_inertia(mass, radius, half_length)
-    return _solid(
-        name, kind, material, Capsule(radius, half_length), mass, inertia, (position, orientation), motion
-    )
+def capsule(name: str, material: str, radius: float, half_length: float, *state: Any, **motion: Any) -> Body:
+    """A solid capsule along the body's z axis; sizes in m, then mass and state as of `solid`."""
+    return solid(name, material, Capsule(radius, half_length), *state, **motion)
 
 
-def cylinder(
-    name: str,
-    material: str,
-    radius: float,
-    half_length: float,
-    mass: float = 0.0,
-    position: Vector = ORIGIN,
-    orientation: Quaternion = IDENTITY,
-    kind: Kind = "simulated",
-    **motion: Unpack[Motion],
-) -> Body:
-    """A solid cylinder along the body's z axis; radius and half length in m, mass in kg, then its state."""
-    inertia = cylinder_inertia(mass, radius, half_length)
-    shape = Cylinder(radius, half_length)
-    return _solid(name, kind, material, shape, mass, inertia, (position, orientation), motion)
+def cylinder(name: str, material: str, radius: float, half_length: float, *state: Any, **motion: Any) -> Body:
+    """A solid cylinder along the body's z axis; sizes in m, then mass and state as of `solid`."""
+    return solid(name, material, Cylinder(radius, half_length), *state, **motion)
 
 
-def cone(
-    name: str,
-    material: str,
-    radius: float,
-    half_length: float,
-    mass: float = 0.0,
-    position: Vector = ORIGIN,
-    orientation: Quaternion = IDENTITY,
-    kind: Kind = "simulated",
-    **motion: Unpack[Motion],
-) -> Body:
-    """A solid cone along the body's z axis, whose origin is its centre of mass, `half_length` / 2 above its
-    base; radius and half length in m, mass in kg, then its state."""
-    inertia, shape = cone_inertia(mass, radius, half_length), Cone(radius, half_length)
-    body = _solid(name, kind, material, shape, mass, inertia, (position, orientation), motion)
-    return replace(body, pieces=(Piece(name, shape, (0.0, 0.0, half_length / 2)),))
+def cone(name: str, material: str, radius: float, half_length: float, *state: Any, **motion: Any) -> Body:
+    """A solid cone along the body's z axis, its centre of mass `half_length` / 2 above its base; sizes in m,
+    then mass and state as of `solid`."""
+    return solid(name, material, Cone(radius, half_length), *state, **motion)
 
 
-def ellipsoid(
-    name: str,
-    material: str,
-    half_axes: Vector,
-    mass: float = 0.0,
-    position: Vector = ORIGIN,
-    orientation: Quaternion = IDENTITY,
-    kind: Kind = "simulated",
-    **motion: Unpack[Motion],
-) -> Body:
-    """A solid ellipsoid; half axes in m, mass in kg, then its state."""
-    inertia = ellipsoid_inertia(mass, half_axes)
-    return _solid(name, kind, material, Ellipsoid(half_axes), mass, inertia, (position, orientation), motion)
+def ellipsoid(name: str, material: str, half_axes: Vector, *state: Any, **motion: Any) -> Body:
+    """A solid ellipsoid; half axes in m, then mass and state as of `solid`."""
+    return solid(name, material, Ellipsoid(half_axes), *state, **motion)
 
 
-def hull(
-    name: str,
-    material: str,
-    vertices: Sequence[Vector],
-    mass: float = 0.0,
-    position: Vector = ORIGIN,
-    orientation: Quaternion = IDENTITY,
-    kind: Kind = "simulated",
-    **motion: Unpack[Motion],
-) -> Body:
-    """A solid convex hull whose origin is its centre of mass.
-
-    Args:
-        vertices: corners of the hull [m] in any frame with the body's axes; shifted so that the centre of
-            mass becomes the body's origin, as for a ball or a block.
-        mass: in kg; the other arguments are the state.
-    """
-    _, centre, inertia = hull_mass_properties(vertices, mass=mass)
-    corners = tuple(vector(np.subtract(vertex, centre)) for vertex in vertices)
-    return _solid(name, kind, material, Hull(corners), mass, inertia, (position, orientation), motion)
+def hull(name: str, material: str, vertices: Sequence[Vector], *state: Any, **motion: Any) -> Body:
+    """A solid convex hull; its corners [m] in any frame with the body's axes, then mass and state as of
+    `solid`."""
+    return solid(name, material, Hull(tuple(vertices)), *state, **motion)
 
 
 def box_corners(half_extents: Vector) -> tuple[Vector, ...]:
@@ -295,21 +246,6 @@ def box_corners(half_extents: Vector) -> tuple[Vector, ...]:
 def core_vertices(shape: RoundedBox | RoundedHull) -> tuple[Vector, ...]:
     """Corners of the core of a rounded shape [m]."""
     return box_corners(shape.half_extents) if isinstance(shape, RoundedBox) else shape.vertices
-
-
-def rounded(
-    name: str,
-    material: str,
-    shape: RoundedBox | RoundedHull,
-    mass: float,
-    position: Vector = ORIGIN,
-    orientation: Quaternion = IDENTITY,
-    **motion: Unpack[Motion],
-) -> Body:
-    """A simulated rounded box or hull about its centre of mass, its origin; mass in kg, then its state."""
-    _, centre, inertia = rounded_mass_properties(core_vertices(shape), shape.radius, mass=mass)
-    body = _solid(name, "simulated", material, shape, mass, inertia, (position, orientation), motion)
-    return replace(body, pieces=(Piece(name, shape, vector(-np.array(centre))),))
 
 
 def slab(
@@ -328,6 +264,14 @@ def slab(
         position=(-0.5 * x, -0.5 * y, -0.5 * z),
         orientation=orientation,
     )
+
+
+def outward_faces(points: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Triangles (t, 3) of the hull of `points` (n, 3), counter-clockwise seen from outside."""
+    hull = ConvexHull(points)
+    p, q, r = (points[hull.simplices[:, k]] for k in range(3))
+    inwards = np.einsum("ij,ij->i", np.cross(q - p, r - p), hull.equations[:, :3]) < 0
+    return np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
 
 
 PYRAMID_SIDES = 32

@@ -8,8 +8,9 @@ velocities (pseudovectors) -M w. Hinge angles do not change.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +18,10 @@ from numpy.typing import NDArray
 from touchstone.scenarios.body_joints import mechanisms
 from touchstone.scenarios.scenario import (
     TRACKED,
-    Arc,
-    Body,
     BodyJoint,
-    Hull,
-    Joint,
     Matrix,
-    Piece,
     Quaternion,
     Scenario,
-    Tracker,
-    Truth,
     Vector,
     vector,
 )
@@ -110,16 +104,7 @@ def mirrored(scenario: Scenario) -> Scenario:
     """
     if any(chain.cones for chain in scenario.chains):
         raise ValueError(f"scenario {scenario.name!r}: reach cones have no mirror image here")
-    return replace(
-        scenario,
-        bodies=tuple(map(_mirrored_body, scenario.bodies)),
-        joints=tuple(map(_mirrored_joint, scenario.joints)),
-        body_joints=tuple(map(_mirrored_body_joint, scenario.body_joints)),
-        trackers=tuple(map(_mirrored_tracker, scenario.trackers)),
-        gravity=mirror(scenario.gravity),
-        truths=tuple(_mirrored_truth(truth) for truth in scenario.truths),
-        published=(),
-    )
+    return replace(mapped(scenario, MIRRORED), published=())
 
 
 def mirror(v: Vector) -> Vector:
@@ -142,66 +127,41 @@ def _mirror_matrix(m: Matrix) -> Matrix:
     return ((xx, -xy, -xz), (-yx, yy, yz), (-zx, zy, zz))
 
 
-def _mirrored_piece(piece: Piece) -> Piece:
-    shape = piece.shape
-    if isinstance(shape, Hull):
-        # All other shapes are their own mirror images.
-        shape = Hull(tuple(map(mirror, shape.vertices)))
-    return replace(
-        piece,
-        shape=shape,
-        position=mirror(piece.position),
-        orientation=mirror_turn(piece.orientation),
-        surface_velocity=mirror(piece.surface_velocity),
-        surface_angular_velocity=mirror_axis(piece.surface_angular_velocity),
-    )
-
-
-def _mirrored_body(body: Body) -> Body:
-    return replace(
-        body,
-        pieces=tuple(map(_mirrored_piece, body.pieces)),
-        center_of_mass=mirror(body.center_of_mass),
-        inertia=_mirror_matrix(body.inertia),
-        position=mirror(body.position),
-        orientation=mirror_turn(body.orientation),
-        linear_velocity=mirror(body.linear_velocity),
-        angular_velocity=mirror_axis(body.angular_velocity),
-    )
-
-
-def _mirrored_joint(joint: Joint) -> Joint:
-    return replace(
-        joint,
-        position=mirror(joint.position),
-        axis=mirror_axis(joint.axis),
-        orientation=mirror_turn(joint.orientation),
-    )
-
-
-def _mirrored_body_joint(joint: BodyJoint) -> BodyJoint:
+def _mirror_joint(joint: BodyJoint) -> BodyJoint:
     turn = mirror if joint.type == "slider" else mirror_axis
     return replace(joint, anchor=mirror(joint.anchor), axis=turn(joint.axis))
 
 
-def _mirrored_tracker(tracker: Tracker) -> Tracker:
-    return replace(
-        tracker,
-        positions=tuple(map(mirror, tracker.positions)),
-        orientations=tuple(map(mirror_turn, tracker.orientations)),
-    )
+def each(change: Callable[[Any], Any]) -> Callable[[Sequence[Any]], tuple[Any, ...]]:
+    """The change of each element of a field."""
+    return lambda values: tuple(map(change, values))
 
 
-def _mirrored_truth(truth: Truth) -> Truth:
-    return replace(truth, arcs=tuple(map(_mirrored_arc, truth.arcs)))
+Changes = Mapping[str, Callable[[Any], Any]]
+"""Field of any part of a scene -> what its value becomes."""
+MIRRORED: Changes = {
+    **dict.fromkeys(("position", "center_of_mass", "gravity", "acceleration"), mirror),
+    **dict.fromkeys(("velocity", "linear_velocity", "surface_velocity"), mirror),
+    **dict.fromkeys(("axis", "angular_velocity", "angular_acceleration"), mirror_axis),
+    "surface_angular_velocity": mirror_axis,
+    "orientation": mirror_turn,
+    "inertia": _mirror_matrix,
+    "positions": each(mirror),
+    "orientations": each(mirror_turn),
+    "vertices": each(mirror),
+    "body_joints": each(_mirror_joint),
+}
 
 
-def _mirrored_arc(arc: Arc) -> Arc:
-    return replace(
-        arc,
-        position=mirror(arc.position),
-        velocity=mirror(arc.velocity),
-        acceleration=mirror(arc.acceleration),
-        angular_velocity=mirror_axis(arc.angular_velocity),
-        angular_acceleration=mirror_axis(arc.angular_acceleration),
-    )
+def mapped(part: Any, changes: Changes, **others: Any) -> Any:
+    """A part of a scene, or a scene, with its fields and those of its parts changed, and with `others`."""
+    found = {}
+    for field in fields(part):
+        value = getattr(part, field.name)
+        if field.name in changes:
+            found[field.name] = changes[field.name](value)
+        elif is_dataclass(value):
+            found[field.name] = mapped(value, changes)
+        elif isinstance(value, tuple) and value and is_dataclass(value[0]):
+            found[field.name] = tuple(mapped(one, changes) for one in value)
+    return replace(part, **found | others)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement, pairwise
 from math import inf, ulp
 from typing import get_args
@@ -367,20 +367,10 @@ def _check_truths(scenario: Scenario, report: Report) -> None:
                 )
         elif body.kind != "simulated":
             report(f"{path}.body", f"{truth.body!r} is {body.kind}, expected a simulated body")
-        elif truth.law == "torque_free":
-            _check_top(body, f"{path}.body", report)
         elif truth.law in ("carried", "turntable"):
             _check_support(scenario, truth, body, f"{path}.body", report)
-        elif truth.law == "smooth_contact":
-            check_smooth_contact(scenario, body, f"{path}.body", report)
-        elif truth.law == "rolling_cone":
-            check_rolling_cone(scenario, body, f"{path}.body", report)
-        elif truth.law == "tipping":
-            check_tipping(scenario, body, f"{path}.body", report)
-        elif truth.law == "mechanism":
-            check_mechanism(scenario, body, f"{path}.body", report)
-        elif truth.law == "stick_slip":
-            check_stick_slip(scenario, body, f"{path}.body", report)
+        elif truth.law in CHECKS_OF_LAWS:
+            CHECKS_OF_LAWS[truth.law](scenario, body, f"{path}.body", report)
         if truth.body in [other.body for other in scenario.truths[:i]]:
             report(f"{path}.body", f"{truth.body!r} has two truths")
         _check_arcs(truth, path, report)
@@ -406,7 +396,7 @@ def _check_support(scenario: Scenario, truth: Truth, body: Body, path: str, repo
         report(path, "expected a ball about its centre of mass on a prescribed body that only turns")
 
 
-def _check_top(body: Body, path: str, report: Report) -> None:
+def _check_top(_: Scenario, body: Body, path: str, report: Report) -> None:
     """Check for three different moments and a spin off the principal axes, as the closed form requires."""
     inertia = np.array(body.inertia)
     if inertia.shape != (3, 3):
@@ -418,6 +408,16 @@ def _check_top(body: Body, path: str, report: Report) -> None:
         report(path, f"principal moments {', '.join(f'{m:.6g}' for m in moments)}: expected three different")
     elif np.sum(rates > DISTINCT * rates.max()) < 2:
         report(path, "spins about a principal axis, expected a spin off all three")
+
+
+CHECKS_OF_LAWS: dict[str, Callable[[Scenario, Body, str, Report], None]] = {
+    "torque_free": _check_top,
+    "smooth_contact": check_smooth_contact,
+    "rolling_cone": check_rolling_cone,
+    "tipping": check_tipping,
+    "mechanism": check_mechanism,
+    "stick_slip": check_stick_slip,
+}
 
 
 def _direction(vector: Sequence[float]) -> np.ndarray:

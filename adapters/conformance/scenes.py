@@ -8,15 +8,13 @@ from math import cos, sin
 
 from touchstone.scenarios.scenario import (
     Body,
-    Box,
     Joint,
     PairCoefficients,
-    Piece,
     Scenario,
     Tracker,
     Vector,
 )
-from touchstone.scenarios.solids import ball, box_inertia
+from touchstone.scenarios.solids import ball, block, box_inertia
 
 RADIUS, MASS = 0.1, 1.2
 """Of the balls [m, kg]."""
@@ -57,9 +55,7 @@ def scene(
 
 def floor(material: str = WOOD) -> Body:
     """A fixed box whose upper face is z = 0."""
-    return Body(
-        "floor", "fixed", material, (Piece("floor", Box(FLOOR_HALF)),), position=(0.0, 0.0, -FLOOR_HALF[2])
-    )
+    return block("floor", material, FLOOR_HALF, 0.0, (0.0, 0.0, -FLOOR_HALF[2]), kind="fixed")
 
 
 def spinning_ball() -> Scenario:
@@ -70,20 +66,10 @@ def spinning_ball() -> Scenario:
 
 def offset_box() -> Scenario:
     """A turned box whose mass centre is off its origin, with three moments of inertia; it moves and spins."""
-    body = Body(
-        "box",
-        "simulated",
-        WOOD,
-        (Piece("box", Box(HALF)),),
-        mass=2.5,
-        center_of_mass=(0.05, 0.02, -0.03),
-        inertia=box_inertia(2.5, HALF),
-        position=(0.5, -0.25, 2.0),
-        orientation=(cos(TURN / 2), sin(TURN / 2), 0.0, 0.0),
-        linear_velocity=(0.3, 0.2, -0.1),
-        angular_velocity=(0.1, 0.2, 0.3),
-    )
-    return scene("offset_box", body)
+    turned = (cos(TURN / 2), sin(TURN / 2), 0.0, 0.0)
+    moved = {"velocity": (0.3, 0.2, -0.1), "spin": (0.1, 0.2, 0.3)}
+    body = block("box", WOOD, HALF, 2.5, (0.5, -0.25, 2.0), turned, **moved)
+    return scene("offset_box", replace(body, center_of_mass=(0.05, 0.02, -0.03)))
 
 
 def falling_ball() -> Scenario:
@@ -100,16 +86,7 @@ def landing_ball(first: bool = False) -> Scenario:
 
 def landing_box() -> Scenario:
     """A box that meets the floor flatly, DEPTH deep."""
-    body = Body(
-        "box",
-        "simulated",
-        WOOD,
-        (Piece("box", Box(HALF)),),
-        mass=MASS,
-        inertia=box_inertia(MASS, HALF),
-        position=(0.0, 0.0, HALF[2] - DEPTH),
-        linear_velocity=(0.0, 0.0, -SPEED),
-    )
+    body = block("box", WOOD, HALF, MASS, (0.0, 0.0, HALF[2] - DEPTH), velocity=(0.0, 0.0, -SPEED))
     return scene("landing_box", floor(), body)
 
 

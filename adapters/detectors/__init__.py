@@ -139,6 +139,22 @@ class PythonBatch:
         self._close()
 
 
+class PythonDetector:
+    """Base of detectors whose queries are called one by one; they define `_query`."""
+
+    crossings: tuple[Pair, Pair] | None = (APART, TOUCHING)
+
+    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
+        """Build all queries."""
+        return PythonBatch(self._query, pairs, self._release)
+
+    def _query(self, pair: Pair) -> Query:
+        raise NotImplementedError
+
+    def _release(self) -> None:
+        """Release what the queries of a batch hold in the engine."""
+
+
 def _guarded(build: Callable[[Pair], Query], pair: Pair) -> Query | Failure:
     try:
         return build(pair)

@@ -7,7 +7,7 @@ child's output is redirected.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 import pybullet
 
 from touchstone.adapters.contract import Array, Scalar, Unsupported
-from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
+from touchstone.adapters.detectors import Pair, PythonDetector, Query
 from touchstone.scenarios.scenario import (
     Box,
     Capsule,
@@ -36,19 +36,16 @@ DISTANCE, NORMAL = 8, 7
 """Indices in the tuple of a closest point."""
 
 
-class BulletDetector:
+class BulletDetector(PythonDetector):
     """`getClosestPoints` of two static bodies; reports the deepest point of the manifold. `tight` sets the
     collision margin to zero."""
-
-    crossings = (APART, TOUCHING)
 
     def __init__(self, tight: bool = False) -> None:
         self._tight = tight
         self._client = pybullet.connect(pybullet.DIRECT)
 
-    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
-        """Add the pieces as bodies; closing the batch removes them."""
-        return PythonBatch(self._query, pairs, lambda: pybullet.resetSimulation(physicsClientId=self._client))
+    def _release(self) -> None:
+        pybullet.resetSimulation(physicsClientId=self._client)
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version and call."""
@@ -89,29 +86,22 @@ def _deepest(points: Any) -> tuple[float, Array] | None:
 
 
 def _shape(shape: Shape, client: int) -> int:
+    given: dict[str, Any]
     match shape:
         case Sphere(radius):
-            made = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius, physicsClientId=client)
+            kind, given = pybullet.GEOM_SPHERE, {"radius": radius}
         case Box(half):
-            made = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
+            kind, given = pybullet.GEOM_BOX, {"halfExtents": half}
         case Capsule(radius, half_length):
-            made = pybullet.createCollisionShape(
-                pybullet.GEOM_CAPSULE, radius=radius, height=2 * half_length, physicsClientId=client
-            )
+            kind, given = pybullet.GEOM_CAPSULE, {"radius": radius, "height": 2 * half_length}
         case Cylinder(radius, half_length):
-            made = pybullet.createCollisionShape(
-                pybullet.GEOM_CYLINDER, radius=radius, height=2 * half_length, physicsClientId=client
-            )
+            kind, given = pybullet.GEOM_CYLINDER, {"radius": radius, "height": 2 * half_length}
         case HalfSpace():
-            made = pybullet.createCollisionShape(
-                pybullet.GEOM_PLANE, planeNormal=(0.0, 0.0, 1.0), physicsClientId=client
-            )
-        case Hull() | RoundedBox() | RoundedHull():
-            vertices = shape.vertices if isinstance(shape, Hull) else core_vertices(shape)
-            made = pybullet.createCollisionShape(
-                pybullet.GEOM_MESH, vertices=vertices, physicsClientId=client
-            )
+            kind, given = pybullet.GEOM_PLANE, {"planeNormal": (0.0, 0.0, 1.0)}
+        case Hull(vertices):
+            kind, given = pybullet.GEOM_MESH, {"vertices": vertices}
+        case RoundedBox() | RoundedHull():
+            kind, given = pybullet.GEOM_MESH, {"vertices": core_vertices(shape)}
         case _:
             raise Unsupported(f"bullet: no shape {type(shape).__name__}")
-    number: int = made
-    return number
+    return int(pybullet.createCollisionShape(kind, physicsClientId=client, **given))

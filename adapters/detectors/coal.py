@@ -17,25 +17,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array, Scalar
-from touchstone.adapters.detectors import (
-    APART,
-    FRAME_STEP,
-    TOUCHING,
-    Answers,
-    Batch,
-    Pair,
-    PythonBatch,
-    Query,
-)
+from touchstone.adapters.detectors import FRAME_STEP, Answers, Pair, PythonDetector, Query
 from touchstone.adapters.engines.reference.reference_world import matrix
 from touchstone.adapters.oracles.overlap import ITERATIONS, TOLERANCE, coal_shape
 from touchstone.scenarios.scenario import Piece
 
 
-class CoalDetector:
+class CoalDetector(PythonDetector):
     """`coal.distance`; `tight` uses the oracle's tolerance and iterations."""
-
-    crossings = (APART, TOUCHING)
 
     def __init__(self, tight: bool = False) -> None:
         self._request = coal.DistanceRequest()
@@ -43,10 +32,6 @@ class CoalDetector:
         if tight:
             self._request.gjk_tolerance = self._request.epa_tolerance = TOLERANCE
             self._request.gjk_max_iterations = self._request.epa_max_iterations = ITERATIONS
-
-    def prepare(self, pairs: Sequence[Pair]) -> Batch:
-        """Build shapes and poses."""
-        return PythonBatch(self._query, pairs, lambda: None)
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version, tolerances [m] and caps."""
@@ -81,7 +66,7 @@ class WarmCoal(CoalDetector):
     The guess is handed over between the timed calls: coal's own ComputeDistance does that inside C++.
     """
 
-    def prepare(self, pairs: Sequence[Pair]) -> WarmBatch:
+    def prepare(self, pairs: Sequence[Pair]) -> WarmBatch:  # type: ignore[override]
         """Build shapes, poses and those of the previous frame."""
         return WarmBatch(pairs, [_before(pair) for pair in pairs], len(pairs))
 

@@ -7,14 +7,14 @@ precision.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import dartpy
 import numpy as np
 
 from touchstone.adapters.contract import Array, Scalar
-from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query
+from touchstone.adapters.detectors import Pair, PythonDetector, Query
 from touchstone.adapters.engines.dart.model import add_piece, isometry
 from touchstone.scenarios.scenario import Piece, Shape
 
@@ -27,10 +27,8 @@ KINDS = {
 }
 
 
-class DartDetector:
+class DartDetector(PythonDetector):
     """A collision group per pair; reports the deepest contact, and no contact for separated pieces."""
-
-    crossings = (APART, TOUCHING)
 
     def __init__(self, kind: str) -> None:
         self._kind = kind
@@ -38,9 +36,8 @@ class DartDetector:
         self._shapes: dict[Shape, Any] = {}
         self._skeletons: list[Any] = []
 
-    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
-        """Build skeletons of one body each."""
-        return PythonBatch(self._query, pairs, self._skeletons.clear)
+    def _release(self) -> None:
+        self._skeletons.clear()
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version and detector."""

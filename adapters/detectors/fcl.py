@@ -6,16 +6,15 @@ call uses a new result, because python-fcl's results have no `clear`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 import fcl
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import Array, Scalar, Unsupported
-from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
+from touchstone.adapters.detectors import APART, Pair, PythonDetector, Query, unit
 from touchstone.adapters.engines.reference.reference_world import matrix
 from touchstone.scenarios.scenario import (
     Box,
@@ -28,16 +27,11 @@ from touchstone.scenarios.scenario import (
     Shape,
     Sphere,
 )
+from touchstone.scenarios.solids import outward_faces
 
 
-class FclCollide:
+class FclCollide(PythonDetector):
     """Contacts only, by default one, the deepest; reports no contact for separated pieces."""
-
-    crossings = (APART, TOUCHING)
-
-    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
-        """Build collision objects."""
-        return PythonBatch(self._query, pairs, lambda: None)
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version and solver."""
@@ -56,14 +50,10 @@ class FclCollide:
         return Query(ask, _deepest)
 
 
-class FclDistance:
+class FclDistance(PythonDetector):
     """Signed distance with nearest points. (Overlapping spheres run the full EPA: 155 us.)"""
 
     crossings = (APART, APART)
-
-    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
-        """Build collision objects."""
-        return PythonBatch(self._query, pairs, lambda: None)
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version and solver."""
@@ -119,11 +109,3 @@ def _shape(shape: Shape) -> Any:
             faces = outward_faces(points)
             return fcl.Convex(points, len(faces), np.insert(faces, 0, 3, axis=1).ravel())
     raise Unsupported(f"python-fcl: no shape {type(shape).__name__}")
-
-
-def outward_faces(points: Array) -> Any:
-    """Triangles (t, 3) of the hull of `points`, counter-clockwise seen from outside."""
-    hull = ConvexHull(points)
-    p, q, r = (points[hull.simplices[:, k]] for k in range(3))
-    inwards = np.einsum("ij,ij->i", np.cross(q - p, r - p), hull.equations[:, :3]) < 0
-    return np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)

@@ -6,13 +6,13 @@ is negative in overlap. Hulls are stored in single precision.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
 
 from touchstone.adapters.contract import Array, Scalar
-from touchstone.adapters.detectors import APART, TOUCHING, Pair, PythonBatch, Query, unit
+from touchstone.adapters.detectors import Pair, PythonDetector, Query, unit
 from touchstone.adapters.engines.mujoco.model import add_piece, hear_warnings
 
 FAR = 100.0
@@ -22,18 +22,12 @@ TIGHT_ITERATIONS = 200
 """`ccd_tolerance` [m] and `ccd_iterations` of the tight profile: queries end by tolerance only."""
 
 
-class MujocoDetector:
+class MujocoDetector(PythonDetector):
     """`mj_geomDistance`; `tight` lowers `ccd_tolerance`."""
-
-    crossings = (APART, TOUCHING)
 
     def __init__(self, tight: bool = False) -> None:
         self._tight = tight
-
-    def prepare(self, pairs: Sequence[Pair]) -> PythonBatch:
-        """Compile a model per pair."""
         hear_warnings()
-        return PythonBatch(self._query, pairs, lambda: None)
 
     def describe(self) -> Mapping[str, Scalar]:
         """Version and options."""

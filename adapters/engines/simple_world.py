@@ -95,8 +95,8 @@ class SimpleWorld:
         """Manifest of the arrays that `step` uses."""
         bodies, names = self.scenario.bodies, [body.name for body in self.scenario.bodies]
         facts = {
-            body.name: BodyFacts(float(m), body.center_of_mass, tuple(tuple(row) for row in inertia.tolist()))
-            for body, m, inertia in zip(bodies, self.mass, self.inertia)
+            body.name: BodyFacts.of(mass, body.center_of_mass, inertia)
+            for body, mass, inertia in zip(bodies, self.mass, self.inertia)
         }
         pairs = tuple(
             PairFacts(names[a], names[b], self.restitution[a, b], self.friction[a, b]) for a, b in self.pairs

@@ -22,8 +22,8 @@ from touchstone.adapters.contract import AdapterError, Array
 from touchstone.adapters.oracles.closed_distance import Answers, Placed, at, closed_distance
 from touchstone.adapters.oracles.near_pairs import blocks, near_pairs
 from touchstone.adapters.recording import Recording
+from touchstone.scenarios.extents import extents
 from touchstone.scenarios.scenario import (
-    HALF_SPACE_REACH,
     TRACKED,
     Box,
     Capsule,
@@ -38,7 +38,6 @@ from touchstone.scenarios.scenario import (
     Shape,
     Sphere,
 )
-from touchstone.scenarios.solids import core_vertices
 
 Pose = tuple[Array, Array]
 """Rotation matrix (3, 3) and position (3,)."""
@@ -348,25 +347,7 @@ def coal_shape(shape: Shape) -> object:
     raise AdapterError(f"the overlap oracle knows no shape {type(shape).__name__}")
 
 
-def _half_sides(shape: Shape) -> tuple[float, float, float]:
-    """Half sides of a box about the shape's origin that contains it [m]."""
-    match shape:
-        case Sphere(radius):
-            return radius, radius, radius
-        case Box(half):
-            return half
-        case Capsule(radius, half_length):
-            return radius, radius, half_length + radius
-        case Cylinder(radius, half_length) | Cone(radius, half_length):
-            return radius, radius, half_length
-        case RoundedBox() | RoundedHull():
-            x, y, z = (np.abs(core_vertices(shape)).max(axis=0) + shape.radius).tolist()
-            return x, y, z
-        case HalfSpace():
-            return (HALF_SPACE_REACH,) * 3
-        case Ellipsoid(half):
-            return half
-        case Hull(vertices):
-            x, y, z = np.abs(np.array(vertices)).max(axis=0).tolist()
-            return x, y, z
-    raise AdapterError(f"the overlap oracle knows no shape {type(shape).__name__}")
+def _half_sides(shape: Shape) -> Array:
+    """Half sides of a box about the shape's origin that contains it (3,) [m]."""
+    low, high = extents(shape, np.eye(3)[None])
+    return np.asarray(np.maximum(-low, high)[0])

@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.avatar import BEND, HIP_HEIGHT, SEGMENTS, SHOULDER, avatar_parts
 from touchstone.scenarios.avatar.chains import hinge_axes
-from touchstone.scenarios.scenario import Joint, Tracker, Vector, vector
+from touchstone.scenarios.avatar.tracking import keyframed
+from touchstone.scenarios.scenario import Joint, Tracker, Vector
 
 Array = NDArray[np.float64]
 Angles = Mapping[str, Array]
@@ -93,17 +94,16 @@ def person_tracker(times: Array, places: Array, heading: float, *angles: Angles)
     rows = np.column_stack([named.get(joint.name, still) for joint in joints])
     height = np.full(len(times), HIP_HEIGHT + CLEARANCE)
     turned = (float(np.cos(heading / 2)), 0.0, 0.0, float(np.sin(heading / 2)))
-    return Tracker(
-        root=bodies[0].name,
-        joints=tuple(joint.name for joint in joints),
-        times=tuple(times.tolist()),
-        positions=tuple(map(vector, np.column_stack((places, height)))),
-        orientations=(turned,) * len(times),
-        angles=tuple(map(tuple, rows.tolist())),
+    return keyframed(
+        bodies[0].name,
+        times,
+        np.column_stack((places, height)),
+        turned,
+        [joint.name for joint in joints],
+        rows,
         stiffness=mass * FREQUENCY**2,
         damping=2 * mass * FREQUENCY,
         hinge_frequency=HINGE_FREQUENCY,
-        interpolation="cubic",
     )
 
 

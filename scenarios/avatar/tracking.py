@@ -6,15 +6,17 @@ cubic interpolants*.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import pi
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from touchstone.scenarios.scenario import Tracker
+from touchstone.scenarios.scenario import IDENTITY, Interpolation, Tracker
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -48,6 +50,49 @@ def ease(times: Array, start: float, duration: float) -> Array:
     """Smooth step from 0 at `start` to 1 after `duration` [s], at rest at both ends."""
     s = np.clip((times - start) / duration, 0.0, 1.0)
     return s * s * (3 - 2 * s)
+
+
+def through(stations: Sequence[tuple[float, ArrayLike]], times: Array) -> Array:
+    """Points (n, 3) at `times` (n,) [s] of an eased way through stations: end times [s] and points then."""
+    points = np.tile(np.asarray(stations[0][1], dtype=float), (len(times), 1))
+    for (start, place), (end, following) in pairwise(stations):
+        points += np.outer(ease(times, start, end - start), np.subtract(following, place))
+    return points
+
+
+def keyframed(
+    root: str,
+    times: ArrayLike,
+    positions: ArrayLike,
+    orientations: ArrayLike = IDENTITY,
+    joints: Sequence[str] = (),
+    angles: ArrayLike = (),
+    interpolation: Interpolation = "cubic",
+    **coupling: Any,
+) -> Tracker:
+    """Tracker through k keyframes at `times` (k,) [s].
+
+    Args:
+        positions, orientations: of the root (k, 3) [m] and (k, 4) wxyz, or one for all keyframes.
+        angles: of the `joints` (k, j) [rad], or those of all keyframes (j,).
+        coupling: stiffness, damping, hinge_frequency.
+    """
+    moments = np.asarray(times, dtype=float)
+
+    def rows(values: ArrayLike, size: int) -> tuple[Any, ...]:
+        each = np.broadcast_to(np.asarray(values, dtype=float), (len(moments), size))
+        return tuple(map(tuple, each.tolist()))
+
+    return Tracker(
+        root,
+        tuple(joints),
+        tuple(moments.tolist()),
+        rows(positions, 3),
+        rows(orientations, 4),
+        rows(angles, len(joints)),
+        interpolation=interpolation,
+        **coupling,
+    )
 
 
 def path(tracker: Tracker) -> PPoly:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from touchstone.scenarios.avatar.hand import hand_parts
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.gallery import TABLE_TOP, gallery
-from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.gallery import TABLE_TOP, gallery_scene
 from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector
 from touchstone.scenarios.solids import ball
 
@@ -35,16 +34,13 @@ OTHER_FINGERS = (0.10, 0.15, 0.10)
 def ball_snip() -> Scenario:
     """The gallery, the hand of fifteen parts, and a ball that its index finger flicks off the table."""
     links, joints = hand_parts()
-    return Scenario(
-        name="ball_snip",
-        summary="a finger flicks a ball over a table; it rolls off the edge and falls",
-        tags=("gallery",),
-        bodies=(*gallery(), *links, ball("ball", "wood", BALL_RADIUS, BALL_MASS, BALL_START)),
-        joints=joints,
-        trackers=(_glove(tuple(joint.name for joint in joints)),),
-        coefficients=TABLE_1,
-        duration=DURATION,
-        frame_rate=FRAME_RATE,
+    return gallery_scene(
+        "ball_snip",
+        "a finger flicks a ball over a table; it rolls off the edge and falls",
+        (links, joints),
+        _glove(tuple(joint.name for joint in joints)),
+        ball("ball", "wood", BALL_RADIUS, BALL_MASS, BALL_START),
+        seed=0,
         expectations=(
             Expectation("touch", "ball", "palm", earliest=FLICK_START, latest=FLICK_START + FLICK_TIME),
             Expectation("roll", "ball", "table", earliest=0.35, latest=0.8),
@@ -62,12 +58,4 @@ def _glove(names: tuple[str, ...]) -> Tracker:
     angles = np.tile(OTHER_FINGERS * (len(names) // 3), (len(times), 1))
     first = names.index("index_proximal")
     angles[:, first : first + 3] = index
-    return Tracker(
-        root="palm",
-        joints=names,
-        times=tuple(times.tolist()),
-        positions=(PALM,) * len(times),
-        orientations=((1.0, 0.0, 0.0, 0.0),) * len(times),
-        angles=tuple(tuple(row) for row in angles.tolist()),
-        interpolation="cubic",
-    )
+    return keyframed("palm", times, PALM, joints=names, angles=angles)

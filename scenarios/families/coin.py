@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import ORIGIN, PairCoefficients, Quaternion, Scenario, Vector
-from touchstone.scenarios.solids import Motion, hull, slab
+from touchstone.scenarios.solids import hull, slab
 
 RADIUS, HALF_THICKNESS = 0.05, 0.004
 CORNERS = 32
@@ -50,8 +50,7 @@ def _coin(name: str, case: Case) -> Scenario:
     orientation: Quaternion = (w, x, y, z)
     height = float(-turn.apply(corners)[:, 2].min())
     place = (0.0, 0.0, height)
-    motion = Motion(velocity=case.velocity, spin=case.spin)
-    body = hull("coin", "metal", corners, MASS, place, orientation, **motion)
+    body = hull("coin", "metal", corners, MASS, place, orientation, velocity=case.velocity, spin=case.spin)
     return Scenario(
         name=name,
         summary=case.summary,

@@ -65,7 +65,7 @@ def _row(count: int, pitch: float) -> tuple[Body, ...]:
     # It rotates about its front edge: v = w x r.
     push = {"velocity": (0.0, RATE * z, RATE * y), "spin": (-RATE, 0.0, 0.0)}
     return tuple(
-        block(f"domino_{k + 1}", "wood", HALF, MASS, (0.0, pitch * k, z), **(push if k == 0 else {}))  # type: ignore[arg-type]
+        block(f"domino_{k + 1}", "wood", HALF, MASS, (0.0, pitch * k, z), **(push if k == 0 else {}))
         for k in range(count)
     )
 

@@ -9,10 +9,10 @@ from math import exp, sin
 
 import numpy as np
 
+from touchstone.scenarios.avatar.tracking import keyframed
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import (
     GRAVITY,
-    IDENTITY,
     Body,
     Box,
     PairCoefficients,
@@ -180,13 +180,5 @@ def _mover(
     """A prescribed box at a `height` [m], and its tracker: it rises by `way` [m] in a window of time [s]."""
     times = (0.0, *window, LOWERED) if window[1] < LOWERED else (0.0, *window)
     heights = (height, height, height + way, height + way)[: len(times)]
-    path = Tracker(
-        root=name,
-        joints=(),
-        times=times,
-        positions=tuple((ahead, 0.0, z) for z in heights),
-        orientations=(IDENTITY,) * len(times),
-        angles=((),) * len(times),
-        interpolation="linear",
-    )
+    path = keyframed(name, times, [(ahead, 0.0, z) for z in heights], interpolation="linear")
     return Body(name, "prescribed", "glass" if ahead else "wood", (Piece(name, box),)), path

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.scenarios.avatar.hand import hand_parts
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.difficulty.checks import Case, Checks, Wall
 from touchstone.scenarios.difficulty.family import family
 from touchstone.scenarios.scenario import (
-    IDENTITY,
     Body,
     Box,
     Chain,
@@ -23,7 +23,6 @@ from touchstone.scenarios.scenario import (
     Tracker,
     Truth,
     Vector,
-    vector,
 )
 from touchstone.scenarios.solids import block, box_inertia, slab
 
@@ -42,10 +41,8 @@ RATE = 60
 
 
 def _driven(name: str, half: Vector, mass: float, center: Vector = (0.0, 0.0, 0.0)) -> Body:
-    piece = Piece(name, Box(half), center)
-    return Body(
-        name, "driven", "wood", (piece,), mass=mass, center_of_mass=center, inertia=box_inertia(mass, half)
-    )
+    body = block(name, "wood", half, mass, kind="driven")
+    return replace(body, pieces=(Piece(name, Box(half), center),), center_of_mass=center)
 
 
 def _tracker(
@@ -57,20 +54,9 @@ def _tracker(
     damping: float = 40.0,
     hinge_frequency: float = 70.0,
 ) -> Tracker:
-    count = len(path)
-    bent = np.zeros((count, len(joints))) if angles is None else angles
-    return Tracker(
-        root,
-        joints,
-        tuple((np.arange(count) / RATE).tolist()),
-        tuple(map(vector, path)),
-        (IDENTITY,) * count,
-        tuple(map(tuple, bent.tolist())),
-        stiffness=stiffness,
-        damping=damping,
-        hinge_frequency=hinge_frequency,
-        interpolation="cubic",
-    )
+    bent = np.zeros(len(joints)) if angles is None else angles
+    gains: dict[str, Any] = {"stiffness": stiffness, "damping": damping, "hinge_frequency": hinge_frequency}
+    return keyframed(root, np.arange(len(path)) / RATE, path, joints=joints, angles=bent, **gains)
 
 
 def _times(duration: float) -> Array:

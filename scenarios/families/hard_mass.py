@@ -7,17 +7,15 @@ from math import pi
 
 import numpy as np
 
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.difficulty.checks import Case, Checks
 from touchstone.scenarios.difficulty.family import family
 from touchstone.scenarios.scenario import (
-    IDENTITY,
     Arc,
     Body,
     Box,
     Joint,
     Piece,
-    Tracker,
     Truth,
     Vector,
 )
@@ -102,17 +100,15 @@ def mass_links(level: float) -> Case:
     )
     times = np.arange(31) / 30
     swing = 0.5 * np.sin(2 * pi * times) * ease(times, 0.0, 0.3) * (1 - ease(times, 0.6, 0.2))
-    tracker = Tracker(
+    tracker = keyframed(
         "root",
-        tuple(joint.name for joint in joints),
-        tuple(times.tolist()),
-        ((0.0, 0.0, 1.0),) * len(times),
-        (IDENTITY,) * len(times),
-        tuple((float(a),) * 3 for a in swing),
+        times,
+        (0.0, 0.0, 1.0),
+        joints=[joint.name for joint in joints],
+        angles=np.column_stack([swing] * 3),
         stiffness=ROOT_MASS * ROOT_FREQUENCY**2,
         damping=2 * ROOT_MASS * ROOT_FREQUENCY,
         hinge_frequency=30.0,
-        interpolation="cubic",
     )
     return Case(
         f"three links on hinges, the last of {level:g} kg",
@@ -124,13 +120,5 @@ def mass_links(level: float) -> Case:
 
 
 def _link(name: str, mass: float) -> Body:
-    piece = Piece(name, Box(LINK), (0.0, 0.0, -LINK[2]))
-    return Body(
-        name,
-        "driven",
-        "wood",
-        (piece,),
-        mass=mass,
-        center_of_mass=piece.position,
-        inertia=box_inertia(mass, LINK),
-    )
+    piece, body = Piece(name, Box(LINK), (0.0, 0.0, -LINK[2])), block(name, "wood", LINK, mass, kind="driven")
+    return replace(body, pieces=(piece,), center_of_mass=piece.position)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.difficulty.checks import Case, Checks
 from touchstone.scenarios.difficulty.family import family
-from touchstone.scenarios.scenario import IDENTITY, Body, Box, Piece, Tracker, vector
-from touchstone.scenarios.solids import ball, block, box_inertia, slab
+from touchstone.scenarios.scenario import vector
+from touchstone.scenarios.solids import ball, block, slab
 
 HALF = 0.05
 SHARES = (0.01, 0.1, 0.3, 0.6, 0.9)
@@ -80,18 +80,8 @@ def opposing_normals(level: float) -> Case:
     )
     times = np.arange(37) / 30
     path = np.outer(ease(times, 0.1, 0.6), (0.4, 0.0, 0.0))
-    hand = Body(
-        "hand", "driven", "wood", (Piece("hand", Box(half)),), mass=0.4, inertia=box_inertia(0.4, half)
-    )
-    tracker = Tracker(
-        "hand",
-        (),
-        tuple(times.tolist()),
-        tuple(map(vector, path)),
-        (IDENTITY,) * len(times),
-        ((),) * len(times),
-        interpolation="cubic",
-    )
+    hand = block("hand", "wood", half, 0.4, kind="driven")
+    tracker = keyframed("hand", times, path)
     return Case(
         f"a driven box is led into a slot of {level:g} of its width",
         (*walls, hand),

@@ -7,24 +7,20 @@ from math import sqrt
 
 import numpy as np
 
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import (
     GRAVITY,
-    IDENTITY,
     Arc,
     Body,
-    Box,
     Expectation,
     PairCoefficients,
-    Piece,
     Scenario,
     Tracker,
     Truth,
     Vector,
-    vector,
 )
-from touchstone.scenarios.solids import block, box_inertia, slab
+from touchstone.scenarios.solids import block, slab
 from touchstone.scenarios.truths.force_truth import ForceTruth
 from touchstone.scenarios.truths.published import Published
 
@@ -90,9 +86,7 @@ def drag() -> Scenario:
     times, close = _keyframes(3.0, 0.1, 0.3)
     _, away = _keyframes(3.0, 0.6, 1.5)
     path = [(0.3 * x, 0.0, above + 0.005 - 0.025 * s) for s, x in zip(close, away)]
-    post = Body(
-        "post", "fixed", "wood", (Piece("post", Box((0.05, 0.1, 0.05))),), position=(-0.15, 0.0, 0.05)
-    )
+    post = block("post", "wood", (0.05, 0.1, 0.05), 0.0, (-0.15, 0.0, 0.05), kind="fixed")
     return _scene(
         "drag",
         "a driven plate presses a box with 40 N and drags it by 0.3 m",
@@ -140,21 +134,11 @@ def _keyframes(duration: float, begin: float, length: float) -> tuple[np.ndarray
 
 
 def _plate(name: str, half: Vector) -> Body:
-    return Body(name, "driven", "pad", (Piece(name, Box(half)),), mass=MASS, inertia=box_inertia(MASS, half))
+    return block(name, "pad", half, MASS, kind="driven")
 
 
 def _tracker(root: str, times: np.ndarray, path: list[Vector]) -> Tracker:
-    return Tracker(
-        root=root,
-        joints=(),
-        times=tuple(times.tolist()),
-        positions=tuple(map(vector, path)),
-        orientations=(IDENTITY,) * len(times),
-        angles=((),) * len(times),
-        stiffness=STIFFNESS,
-        damping=2 * sqrt(STIFFNESS * MASS),
-        interpolation="cubic",
-    )
+    return keyframed(root, times, path, stiffness=STIFFNESS, damping=2 * sqrt(STIFFNESS * MASS))
 
 
 def _scene(

@@ -5,8 +5,8 @@ The person's trackers ignore walls: they continue where the person cannot.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,9 @@ from touchstone.scenarios.avatar.postures import (
     reach,
     step,
 )
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import ease, through
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.gallery import EAST, NORTH, gallery
-from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.gallery import EAST, NORTH, gallery_scene
 from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector
 
 Array = NDArray[np.float64]
@@ -86,9 +85,7 @@ def corner_slide() -> Scenario:
         (5.0, (-0.02, -0.22, 1.30)),
         (5.5, (-0.20, -0.16, 1.25)),
     )
-    path = np.tile(stations[0][1], (len(TIMES), 1))
-    for (start, place), (end, following) in pairwise(stations):
-        path += np.outer(ease(TIMES, start, end - start), np.subtract(following, place))
+    path = through(stations, TIMES)
     heading = pi / 2
     beside = ease(TIMES, 1.9, 1.0) - ease(TIMES, 4.1, 0.9)
     elbow = np.outer(1 - beside, (-0.5, -0.2, -1.0)) + np.outer(beside, (0.0, -1.0, -1.0))
@@ -169,23 +166,10 @@ def _scenario(
 ) -> Scenario:
     """The person in the gallery. With contact between its `own` limbs the gallery is of metal, because no
     per-body friction in DART gives both wood-human and human-human their coefficients."""
-    bodies, joints, chains = avatar_parts()
     effects = ("gravity", "restitution", "friction") + (("self_collision",) if own else ())
-    return Scenario(
-        name=name,
-        summary=summary,
-        tags=("gallery",),
-        bodies=(*gallery("metal" if own else "wood"), *bodies),
-        joints=joints,
-        chains=chains,
-        trackers=(tracker,),
-        coefficients=TABLE_1,
-        duration=DURATION,
-        frame_rate=FRAME_RATE,
-        effects=effects,
-        expectations=expectations,
-        seed=5,
-    )
+    material = "metal" if own else "wood"
+    given: dict[str, Any] = {"material": material, "effects": effects, "expectations": expectations}
+    return gallery_scene(name, summary, avatar_parts(), tracker, **given)
 
 
 def _seen(points: Array, place: Array, heading: float) -> Array:

@@ -9,19 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.avatar.tracking import keyframed, sample
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import (
     GRAVITY,
-    IDENTITY,
     Body,
     Box,
     PairCoefficients,
     Piece,
     Scenario,
-    Tracker,
     Truth,
-    vector,
 )
 from touchstone.scenarios.solids import block
 from touchstone.scenarios.truths.force_truth import ForceTruth
@@ -171,15 +168,7 @@ def _platform(
     times, places = (np.append(x, last) for x, last in ((times, end), (places, places[-1])))
     keep = np.append(np.diff(times) > 0, True)
     times, places = times[keep], places[keep]
-    path = Tracker(
-        root="platform",
-        joints=(),
-        times=tuple(times.tolist()),
-        positions=tuple(vector(start + place * direction) for place in places),
-        orientations=(IDENTITY,) * len(times),
-        angles=((),) * len(times),
-        interpolation="cubic",
-    )
+    path = keyframed("platform", times, [start + place * direction for place in places])
     return Scenario(
         name=name,
         summary=summary,

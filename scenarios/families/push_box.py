@@ -11,8 +11,7 @@ from touchstone.scenarios.avatar.avatar import SHOULDER, avatar_parts
 from touchstone.scenarios.avatar.postures import LEFT, RIGHT, between, hanging, person_tracker, reach, step
 from touchstone.scenarios.avatar.tracking import ease
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.gallery import gallery
-from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.gallery import gallery_scene
 from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector
 from touchstone.scenarios.solids import block
 
@@ -48,19 +47,13 @@ def push_box() -> Scenario:
     """The person walks up to the box, pushes it at 1 m/s, stops and withdraws the hands; the box slides for a
     further v^2 / (2 mu g), 17 cm at that speed."""
     times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
-    bodies, joints, chains = avatar_parts()
     crate = block("box", "wood", BOX_HALF, BOX_MASS, (BOX_START, LANE, BOX_HALF[2]))
-    return Scenario(
-        name="push_box",
-        summary="a person pushes a box over the floor and lets it go; friction stops it",
-        tags=("gallery",),
-        bodies=(*gallery(), *bodies, crate),
-        joints=joints,
-        chains=chains,
-        trackers=(_tracker(times),),
-        coefficients=TABLE_1,
-        duration=DURATION,
-        frame_rate=FRAME_RATE,
+    return gallery_scene(
+        "push_box",
+        "a person pushes a box over the floor and lets it go; friction stops it",
+        avatar_parts(),
+        _tracker(times),
+        crate,
         expectations=tuple(
             expectation
             for hand in ("left_hand", "right_hand")
@@ -69,7 +62,6 @@ def push_box() -> Scenario:
                 Expectation("part", "box", hand, earliest=STOP - 0.1, latest=STOP + 0.3),
             )
         ),
-        seed=5,
     )
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.avatar.tracking import keyframed
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.gallery import TABLE_TOP, gallery
 from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import IDENTITY, Expectation, Scenario, Tracker
+from touchstone.scenarios.scenario import Expectation, Scenario
 
 SPEEDS = (2.5, 3.0, 6.0)
 """Speeds of the tracker [m/s]: 4.2, 5 and 10 cm per frame, for a table of 4 cm and fingers of 1.6 cm."""
@@ -32,15 +33,8 @@ def slap(speed: float) -> Scenario:
     names = tuple(joint.name for joint in joints)
     times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
     height = TABLE_TOP + np.maximum(HEIGHT - speed * np.maximum(0.0, times - START), -DEPTH)
-    glove = Tracker(
-        root="palm",
-        joints=names,
-        times=tuple(times.tolist()),
-        positions=tuple((0.0, 0.0, z) for z in height.tolist()),
-        orientations=(IDENTITY,) * len(times),
-        angles=(RELAXED * (len(names) // 3),) * len(times),
-        interpolation="cubic",
-    )
+    path = [(0.0, 0.0, z) for z in height.tolist()]
+    glove = keyframed("palm", times, path, joints=names, angles=RELAXED * (len(names) // 3))
     table = next(body for body in gallery() if body.name == "table")
     return Scenario(
         name=f"slap_{speed:g}",

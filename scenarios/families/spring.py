@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from touchstone.scenarios.avatar.tracking import keyframed
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Tracker, Truth
-from touchstone.scenarios.solids import box_inertia
+from touchstone.scenarios.scenario import PairCoefficients, Scenario, Tracker, Truth
+from touchstone.scenarios.solids import block
 
 MASSES: dict[str, float] = {"light": 0.1, "critical": 0.4, "heavy": 2.0}
 """Masses that are over-, critically and underdamped at K = 1000 N/m, R = 40 N s/m [kg]."""
@@ -21,17 +22,7 @@ START, TIME, WAY = 0.2, 0.3, 0.3
 @scene
 def spring() -> Scenario:
     """No contacts: the path of a mass on a damped spring, for any step."""
-    bodies = tuple(
-        Body(
-            name,
-            "driven",
-            "wood",
-            (Piece(name, Box((HALF, HALF, HALF))),),
-            mass=mass,
-            inertia=box_inertia(mass, (HALF, HALF, HALF)),
-        )
-        for name, mass in MASSES.items()
-    )
+    bodies = tuple(block(name, "wood", (HALF,) * 3, mass, kind="driven") for name, mass in MASSES.items())
     return Scenario(
         name="spring",
         summary="three masses on damped springs follow a tracker",
@@ -49,12 +40,4 @@ def _tracker(root: str, y: float) -> Tracker:
     times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
     s = np.clip((times - START) / TIME, 0.0, 1.0)
     way = WAY * s * s * (3 - 2 * s)
-    return Tracker(
-        root,
-        (),
-        tuple(times.tolist()),
-        tuple((x, y, 0.0) for x in way.tolist()),
-        ((1.0, 0.0, 0.0, 0.0),) * len(times),
-        ((),) * len(times),
-        interpolation="cubic",
-    )
+    return keyframed(root, times, [(x, y, 0.0) for x in way.tolist()])

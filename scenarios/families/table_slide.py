@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from touchstone.scenarios.avatar.hand import hand_parts
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import keyframed, through
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.gallery import DOOR, TABLE_TOP, gallery
-from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector, vector
+from touchstone.scenarios.gallery import DOOR, TABLE_TOP, gallery_scene
+from touchstone.scenarios.scenario import Expectation, Scenario, Vector
 from touchstone.scenarios.solids import ball
 
 DURATION, FRAME_RATE = 8.0, 60
@@ -47,29 +44,15 @@ def table_slide() -> Scenario:
     """The gallery, the hand of fifteen parts, and a ball that its fingers push off the table."""
     links, joints = hand_parts()
     times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
-    path = np.tile(STATIONS[0][1], (len(times), 1))
-    for (start, place), (end, following) in pairwise(STATIONS):
-        path += np.outer(ease(times, start, end - start), np.subtract(following, place))
+    path = through(STATIONS, times)
     names = tuple(joint.name for joint in joints)
-    glove = Tracker(
-        root="palm",
-        joints=names,
-        times=tuple(times.tolist()),
-        positions=tuple(map(vector, path)),
-        orientations=(BACKWARDS,) * len(times),
-        angles=(RELAXED * (len(names) // 3),) * len(times),
-        interpolation="cubic",
-    )
-    return Scenario(
-        name="table_slide",
-        summary="a hand slides over a table and back, then pushes a ball off it",
-        tags=("gallery",),
-        bodies=(*gallery(), *links, ball("ball", "wood", BALL_RADIUS, BALL_MASS, BALL_START)),
-        joints=joints,
-        trackers=(glove,),
-        coefficients=TABLE_1,
-        duration=DURATION,
-        frame_rate=FRAME_RATE,
+    glove = keyframed("palm", times, path, BACKWARDS, names, RELAXED * (len(names) // 3))
+    return gallery_scene(
+        "table_slide",
+        "a hand slides over a table and back, then pushes a ball off it",
+        (links, joints),
+        glove,
+        ball("ball", "wood", BALL_RADIUS, BALL_MASS, BALL_START),
         expectations=(
             Expectation("meet", "palm", "table", earliest=3.0, latest=4.0),
             Expectation("part", "palm", "table", earliest=4.9, latest=5.3),
@@ -77,5 +60,4 @@ def table_slide() -> Scenario:
             Expectation("part", "palm", "table", earliest=6.3, latest=6.7),
             Expectation("touch", "ball", "palm", earliest=6.6, latest=7.3),
         ),
-        seed=5,
     )

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.avatar.tracking import keyframed
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import ORIGIN, Body, Box, PairCoefficients, Piece, Scenario, Tracker, Truth
+from touchstone.scenarios.scenario import ORIGIN, Body, Box, PairCoefficients, Piece, Scenario, Truth
 from touchstone.scenarios.solids import ball
 from touchstone.scenarios.truths.published import Published
 
@@ -25,15 +26,7 @@ def turntable() -> Scenario:
     """The ball starts with the plate and rolls: its centre circles about a point at -2.5 times its start."""
     times = np.linspace(0.0, DURATION, KEYFRAMES)
     turned = Rotation.from_rotvec(np.outer(RATE * times, (0.0, 0.0, 1.0))).as_quat(scalar_first=True)
-    path = Tracker(
-        root="plate",
-        joints=(),
-        times=tuple(times.tolist()),
-        positions=(ORIGIN,) * KEYFRAMES,
-        orientations=tuple(tuple(row) for row in turned.tolist()),
-        angles=((),) * KEYFRAMES,
-        interpolation="cubic",
-    )
+    path = keyframed("plate", times, ORIGIN, turned)
     return Scenario(
         name="turntable",
         summary="a ball rolls on a turning plate; its centre circles at 2/7 of the plate's rate",

@@ -3,7 +3,6 @@ movable bodies."""
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import pi
 
 import numpy as np
@@ -11,10 +10,9 @@ from numpy.typing import NDArray
 
 from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
 from touchstone.scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, hanging, person_tracker, reach
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import through
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.gallery import NORTH, gallery
-from touchstone.scenarios.materials import TABLE_1
+from touchstone.scenarios.gallery import NORTH, gallery_scene
 from touchstone.scenarios.scenario import GRAVITY, Body, Expectation, Scenario, Tracker, Vector, vector
 from touchstone.scenarios.solids import ball
 
@@ -53,23 +51,16 @@ SWEEP = 0.34
 def volley() -> Scenario:
     """The right hand sweeps west and east; on the way east its fingers slide along the wall."""
     times = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE
-    bodies, joints, chains = avatar_parts()
-    return Scenario(
-        name="volley",
-        summary="a person's arm hits two thrown balls while its hand slides along a wall",
-        tags=("gallery",),
-        bodies=(*gallery(), *bodies, *_balls()),
-        joints=joints,
-        chains=chains,
-        trackers=(_tracker(times),),
-        coefficients=TABLE_1,
-        duration=DURATION,
-        frame_rate=FRAME_RATE,
+    return gallery_scene(
+        "volley",
+        "a person's arm hits two thrown balls while its hand slides along a wall",
+        avatar_parts(),
+        _tracker(times),
+        *_balls(),
         expectations=tuple(
             Expectation("meet", f"ball_{k}", "right_hand", hit - 0.05, hit + 0.05)
             for k, (hit, *_) in enumerate(HITS, start=1)
         ),
-        seed=5,
     )
 
 
@@ -93,8 +84,6 @@ def _tracker(times: Array) -> Tracker:
         stations.append((hit - SWEEP / 2, stations[-1][1]))
         stations.append((hit + SWEEP / 2, (WALL, side, LEVEL)))
     stations += [(1.1, (LEAN, EAST, LEVEL)), (1.5, (LEAN, EAST, LEVEL)), (2.0, (0.25, EAST, LEVEL - 0.3))]
-    path = np.tile(stations[0][1], (len(times), 1))
-    for (start, place), (end, following) in pairwise(stations):
-        path += np.outer(ease(times, start, end - start), np.subtract(following, place))
+    path = through(stations, times)
     places = np.tile(PLACE, (len(times), 1))
     return person_tracker(times, places, pi / 2, reach(LEFT, hanging(LEFT, times)), reach(RIGHT, path))

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.rounded_solid import rounded_mass_properties
 from touchstone.scenarios.scenario import (
-    ORIGIN,
     Box,
     Capsule,
     Cone,
@@ -26,16 +25,7 @@ from touchstone.scenarios.scenario import (
     Vector,
     vector,
 )
-from touchstone.scenarios.solids import (
-    box_inertia,
-    capsule_inertia,
-    cone_inertia,
-    core_vertices,
-    cylinder_inertia,
-    ellipsoid_inertia,
-    hull_mass_properties,
-    sphere_inertia,
-)
+from touchstone.scenarios.solids import core_vertices, hull_mass_properties, solid_properties
 
 
 def uniform(pieces: tuple[Piece, ...], mass: float) -> tuple[Vector, Matrix]:
@@ -52,12 +42,12 @@ def uniform(pieces: tuple[Piece, ...], mass: float) -> tuple[Vector, Matrix]:
     centers, inertias = [], []
     for piece, own in zip(pieces, masses.tolist()):
         turn = Rotation.from_quat(piece.orientation, scalar_first=True)
-        center, inertia = _solid(piece.shape, own)
+        center, inertia = solid_properties(piece.shape, own)
         centers.append(np.array(piece.position) + turn.apply(center))
         axes = turn.as_matrix()
         inertias.append(axes @ np.array(inertia) @ axes.T)
     if len(pieces) == 1 and pieces[0].orientation == (1.0, 0.0, 0.0, 0.0):  # without rounding
-        return vector(centers[0]), _solid(pieces[0].shape, mass)[1]
+        return vector(centers[0]), solid_properties(pieces[0].shape, mass)[1]
     center = masses @ np.array(centers) / mass
     total = np.zeros((3, 3))
     for own, place, inertia in zip(masses, centers, inertias):
@@ -88,26 +78,3 @@ def volume(shape: Shape) -> float:
             return rounded_mass_properties(core_vertices(shape), shape.radius)[0]
         case HalfSpace():
             return 0.0
-
-
-def _solid(shape: Shape, mass: float) -> tuple[Vector, Matrix]:
-    """Centre and inertia of a solid in its own frame."""
-    match shape:
-        case Sphere(r):
-            return ORIGIN, sphere_inertia(mass, r)
-        case Box(half):
-            return ORIGIN, box_inertia(mass, half)
-        case Capsule(r, half_length):
-            return ORIGIN, capsule_inertia(mass, r, half_length)
-        case Cylinder(r, half_length):
-            return ORIGIN, cylinder_inertia(mass, r, half_length)
-        case Cone(r, half_length):
-            return (0.0, 0.0, -half_length / 2), cone_inertia(mass, r, half_length)
-        case Ellipsoid(half):
-            return ORIGIN, ellipsoid_inertia(mass, half)
-        case Hull(vertices):
-            return hull_mass_properties(vertices, mass=mass)[1:]
-        case RoundedBox() | RoundedHull():
-            return rounded_mass_properties(core_vertices(shape), shape.radius, mass=mass)[1:]
-        case HalfSpace():
-            raise ValueError("a half-space has no mass")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios import solids
 from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
@@ -30,18 +31,7 @@ from touchstone.scenarios.scenario import (
     Vector,
     vector,
 )
-from touchstone.scenarios.solids import (
-    Motion,
-    ball,
-    block,
-    capsule,
-    cone,
-    cylinder,
-    ellipsoid,
-    hull,
-    hull_mass_properties,
-    rounded,
-)
+from touchstone.scenarios.solids import hull_mass_properties
 
 Array = NDArray[np.float64]
 
@@ -123,27 +113,9 @@ def solid(
     velocity: Vector = ORIGIN,
     spin: Vector = ORIGIN,
 ) -> Body:
-    """A simulated uniform body of one shape; mass in kg, then its state."""
-    state, motion = (mass, position, orientation), Motion(velocity=velocity, spin=spin)
-    match shape:
-        case Sphere(radius):
-            return ball(name, MATERIAL, radius, mass, position, velocity, spin)
-        case Box(half_extents):
-            return block(name, MATERIAL, half_extents, *state, **motion)
-        case Capsule(radius, half_length):
-            return capsule(name, MATERIAL, radius, half_length, *state, **motion)
-        case Cylinder(radius, half_length):
-            return cylinder(name, MATERIAL, radius, half_length, *state, **motion)
-        case Cone(radius, half_length):
-            return cone(name, MATERIAL, radius, half_length, *state, **motion)
-        case Ellipsoid(half_axes):
-            return ellipsoid(name, MATERIAL, half_axes, *state, **motion)
-        case Hull(vertices):
-            return hull(name, MATERIAL, vertices, *state, **motion)
-        case RoundedBox() | RoundedHull():
-            return rounded(name, MATERIAL, shape, *state, **motion)
-        case HalfSpace():
-            raise ValueError("a half-space is no body that moves")
+    """A simulated uniform body of one shape; mass in kg, then its state. Balls do not turn at the start."""
+    orientation = IDENTITY if isinstance(shape, Sphere) else orientation
+    return solids.solid(name, MATERIAL, shape, mass, position, orientation, velocity=velocity, spin=spin)
 
 
 def support(shape: Shape, orientation: Quaternion, direction: Vector) -> float:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.avatar import avatar_parts
 from touchstone.scenarios.avatar.postures import person_tracker
-from touchstone.scenarios.avatar.tracking import ease
+from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.random_scenes.bodies import (
     FLAT,
     MATERIAL,
@@ -44,11 +44,11 @@ from touchstone.scenarios.scenario import (
     Body,
     Box,
     Capsule,
+    Interpolation,
     Piece,
     Quaternion,
     Shape,
     Sphere,
-    Tracker,
     vector,
 )
 from touchstone.scenarios.solids import block, slab
@@ -162,8 +162,7 @@ def shakes(rng: Generator) -> Setup:
         path += np.outer(sine, wave[0] / np.linalg.norm(wave[0]) * rng.uniform(0, ACCELERATION) / rate**2)
         tilt = rng.choice([0.0, 1.0]) * wave[1] / np.linalg.norm(wave[1])
         angles += np.outer(sine, tilt * rng.uniform(0, min(SWING / 2, ACCELERATION / rate**2)))
-    rows = (tuple(map(vector, path)), _quaternions(Rotation.from_rotvec(angles)), ((),) * len(TIMES))
-    tracker = Tracker("platform", (), tuple(TIMES.tolist()), *rows, interpolation="cubic")
+    tracker = keyframed("platform", TIMES, path, Rotation.from_rotvec(angles).as_quat(scalar_first=True))
     platform = Body("platform", "prescribed", MATERIAL, tuple(pieces))
     return Setup(f"a platform shakes {count} bodies", bodies, driven=[Driven((platform,), (), tracker)])
 
@@ -223,13 +222,10 @@ def persons(rng: Generator) -> Setup:
     bent = size * rng.uniform(low, high, (count, len(joints)))
     bent[0] = 0.0
     bent *= np.isin([joint.name for joint in joints], [name for names in moved for name in names])
-    tracker = replace(
-        standing,
-        positions=tuple(map(vector, places)),
-        orientations=_quaternions(turns),
-        angles=tuple(map(tuple, bent.tolist())),
-        interpolation="held" if jumps else "cubic",
-    )
+    turned = turns.as_quat(scalar_first=True)
+    kind: Interpolation = "held" if jumps else "cubic"
+    gains = {name: getattr(standing, name) for name in ("stiffness", "damping", "hinge_frequency")}
+    tracker = keyframed(standing.root, times, places, turned, standing.joints, bent, kind, **gains)
     bodies = [slab("floor", MATERIAL)]
     for k in range(int(rng.integers(0, 5))):
         # each in its own fifth of the circle
@@ -275,14 +271,8 @@ def _driver(
     """A driven body of one shape that follows `path` at TIMES."""
     mass, stiffness, damping = coupling
     own = replace(solid(name, shape, mass), kind="driven", material=HAND_MATERIAL)
-    rows = (tuple(map(vector, path)), (orientation,) * len(TIMES), ((),) * len(TIMES))
-    tracker = Tracker(name, (), tuple(TIMES.tolist()), *rows, stiffness, damping, interpolation="cubic")
+    tracker = keyframed(name, TIMES, path, orientation, stiffness=stiffness, damping=damping)
     return Driven((own,), (), tracker)
-
-
-def _quaternions(turns: Rotation) -> tuple[Quaternion, ...]:
-    """Quaternions wxyz of rotations."""
-    return tuple((w, x, y, z) for w, x, y, z in turns.as_quat(scalar_first=True).tolist())
 
 
 def _log(rng: Generator, exponents: tuple[float, float]) -> float:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.hand import hand_parts
-from touchstone.scenarios.avatar.tracking import ease
-from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Quaternion, Tracker, vector
-from touchstone.scenarios.solids import box_inertia
+from touchstone.scenarios.avatar.tracking import ease, keyframed
+from touchstone.scenarios.scenario import Body, Joint, Quaternion, Tracker
+from touchstone.scenarios.solids import block
 
 Array = NDArray[np.float64]
 
@@ -55,15 +55,8 @@ class Pressing:
         blend = ease(times, *self.times)
         angles = np.tile(RELAXED, len(self.joints) // 3) + np.outer(blend, self.flexion)
         path = self.start + np.outer(blend, self.end - self.start)
-        return Tracker(
-            root=self.bodies[0].name,
-            joints=tuple(joint.name for joint in self.joints),
-            times=tuple(times.tolist()),
-            positions=tuple(map(vector, path)),
-            orientations=(self.orientation,) * len(times),
-            angles=tuple(map(tuple, angles.tolist())),
-            interpolation="cubic",
-        )
+        names = [joint.name for joint in self.joints]
+        return keyframed(self.bodies[0].name, times, path, self.orientation, names, angles)
 
 
 def pressing(rng: Generator, reach: float, top: float) -> Pressing:
@@ -108,11 +101,4 @@ def quaternion(turn: Rotation) -> Quaternion:
 
 
 def _box() -> Body:
-    return Body(
-        "presser",
-        "driven",
-        HAND_MATERIAL,
-        (Piece("presser", Box(BOX_HALF)),),
-        mass=BOX_MASS,
-        inertia=box_inertia(BOX_MASS, BOX_HALF),
-    )
+    return block("presser", HAND_MATERIAL, BOX_HALF, BOX_MASS, kind="driven")

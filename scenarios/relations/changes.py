@@ -7,7 +7,6 @@ the original only.
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,24 +19,17 @@ from touchstone.scenarios.scenario import (
     Body,
     BodyJoint,
     Box,
-    Capsule,
-    Cone,
-    Cylinder,
-    Ellipsoid,
-    HalfSpace,
     Hull,
     Matrix,
     Quaternion,
-    RoundedBox,
-    RoundedHull,
     Scenario,
     Shape,
-    Sphere,
     Tracker,
     Vector,
     vector,
 )
-from touchstone.scenarios.solids import ball
+from touchstone.scenarios.solids import ball, box_corners
+from touchstone.scenarios.transforms import Changes, each, mapped
 
 Array = NDArray[np.float64]
 FAR: Vector = (50.0, 50.0, 50.0)
@@ -134,25 +126,32 @@ def similar(scenario: Scenario, times: float, **fields: object) -> Scenario:
     gravity (Froude's law), and with other `fields`: speeds are `times` as high. Powers of two scale exactly.
     """
     size = times * times
-    bodies = tuple(_rescaled_body(one, size, times) for one in scenario.bodies)
-    joints = tuple(replace(one, position=_scaled(one.position, size)) for one in scenario.joints)
-    trackers = tuple(
-        _rescaled_tracker(one, size, times, not scenario.prescribes(one)) for one in scenario.trackers
-    )
-    lengths = {one.name: size if one.type == "slider" else 1.0 for one in scenario.body_joints}
-    fields["body_joints"] = tuple(
-        _rescaled_joint(one, lengths[one.name] / lengths[one.mimics or one.name], size, times)
-        for one in scenario.body_joints
-    )
-    fields["coefficients"] = tuple(
-        replace(
-            one,
-            rolling_friction=one.rolling_friction * size,
-            torsional_friction=one.torsional_friction * size,
-        )
-        for one in scenario.coefficients
-    )
-    return bare(scenario, bodies=bodies, joints=joints, trackers=trackers, **fields)
+
+    def lengths(v: Vector) -> Vector:
+        return _scaled(v, size)
+
+    def speeds(v: Vector) -> Vector:
+        return _scaled(v, times)
+
+    def rates(v: Vector) -> Vector:
+        return _scaled(v, 1 / times)
+
+    travel = {one.name: size if one.type == "slider" else 1.0 for one in scenario.body_joints}
+    changes: Changes = {
+        **dict.fromkeys(("position", "center_of_mass", "half_extents", "half_axes"), lengths),
+        **dict.fromkeys(("radius", "half_length"), lambda length: length * size),
+        **dict.fromkeys(("rolling_friction", "torsional_friction"), lambda length: length * size),
+        **dict.fromkeys(("linear_velocity", "surface_velocity"), speeds),
+        **dict.fromkeys(("angular_velocity", "surface_angular_velocity"), rates),
+        "vertices": each(lengths),
+        "inertia": lambda inertia: _times(inertia, size * size),
+        "trackers": each(lambda one: _rescaled_tracker(one, size, times, not scenario.prescribes(one))),
+        "body_joints": each(
+            lambda one: _rescaled_joint(one, travel[one.name] / travel[one.mimics or one.name], size, times)
+        ),
+    }
+    found: Scenario = mapped(bare(scenario), changes, **fields)
+    return found
 
 
 def _rescaled_joint(one: BodyJoint, coupled: float, size: float, times: float) -> BodyJoint:
@@ -194,61 +193,11 @@ def _rescaled_tracker(one: Tracker, size: float, times: float, coupled: bool) ->
     )
 
 
-def _rescaled_body(one: Body, size: float, times: float) -> Body:
-    pieces = tuple(
-        replace(
-            p,
-            shape=_rescaled_shape(p.shape, size),
-            position=_scaled(p.position, size),
-            surface_velocity=_scaled(p.surface_velocity, times),
-            surface_angular_velocity=_scaled(p.surface_angular_velocity, 1 / times),
-        )
-        for p in one.pieces
-    )
-    return replace(
-        one,
-        pieces=pieces,
-        center_of_mass=_scaled(one.center_of_mass, size),
-        inertia=_times(one.inertia, size * size),
-        position=_scaled(one.position, size),
-        linear_velocity=_scaled(one.linear_velocity, times),
-        angular_velocity=_scaled(one.angular_velocity, 1 / times),
-    )
-
-
-def _rescaled_shape(shape: Shape, size: float) -> Shape:
-    match shape:
-        case Sphere(radius):
-            return Sphere(radius * size)
-        case Box(half):
-            return Box(_scaled(half, size))
-        case Capsule(radius, half_length):
-            return Capsule(radius * size, half_length * size)
-        case Cylinder(radius, half_length):
-            return Cylinder(radius * size, half_length * size)
-        case Cone(radius, half_length):
-            return Cone(radius * size, half_length * size)
-        case Ellipsoid(half):
-            return Ellipsoid(_scaled(half, size))
-        case Hull(vertices):
-            return Hull(tuple(_scaled(v, size) for v in vertices))
-        case RoundedBox(half, radius):
-            return RoundedBox(_scaled(half, size), radius * size)
-        case RoundedHull(vertices, radius):
-            return RoundedHull(tuple(_scaled(v, size) for v in vertices), radius * size)
-        case HalfSpace():
-            return shape
-    raise TypeError(f"no size of {type(shape).__name__}")
-
-
 def with_hulls(scenario: Scenario) -> Scenario:
     """Scene with every box of bodies that are not fixed as the hull of its eight corners."""
 
     def hull(shape: Shape) -> Shape:
-        if not isinstance(shape, Box):
-            return shape
-        x, y, z = shape.half_extents
-        return Hull(tuple((a * x, b * y, c * z) for a, b, c in product((-1, 1), repeat=3)))
+        return Hull(box_corners(shape.half_extents)) if isinstance(shape, Box) else shape
 
     return bare(
         scenario,

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from engine_states import last
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Settings, State, Unsupported
@@ -192,12 +193,7 @@ CORNERS = ((0.1, 0.1, 0.1), (0.1, -0.1, -0.1), (-0.1, 0.1, -0.1), (-0.1, -0.1, 0
 
 def end(scenario: Scenario, profile: str, steps: int) -> tuple[np.ndarray, np.ndarray, int]:
     """Positions and orientations after some steps, and the number of contact points."""
-    world, state = BulletEngine().build(scenario, Settings(profile, 1 / 240)), State(scenario)
-    for step in range(steps):
-        world.drive(step)
-        world.step()
-    world.read(state)
-    world.close()
+    state = last(BulletEngine(), scenario, Settings(profile, 1 / 240), steps)
     return state.position.copy(), state.orientation.copy(), state.contact_count
 
 

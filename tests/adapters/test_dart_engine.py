@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from engine_states import states
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Settings, State, Unsupported
@@ -62,15 +63,7 @@ def scene(*bodies: Body, coefficients=TABLE_1, duration=1.0, **more) -> Scenario
 
 def play(scenario: Scenario, steps: int, settings: Settings = SETTINGS) -> Iterator[State]:
     """The state before the first step and after each, always the same object."""
-    world, state = dart_engine.DartEngine().build(scenario, settings), State(scenario)
-    world.read(state)
-    yield state
-    for step in range(steps):
-        world.drive(step)
-        world.step()
-        world.read(state)
-        yield state
-    world.close()
+    return states(dart_engine.DartEngine(), scenario, settings, steps)
 
 
 def last(scenario: Scenario, steps: int) -> State:

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import islice, pairwise, product
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from engine_states import states
 from scipy.linalg import block_diag, expm
 from scipy.spatial.transform import Rotation
 
@@ -17,10 +18,10 @@ from touchstone.adapters.registry import ENGINES, installed, missing_reason, pro
 from touchstone.adapters.servo import Drive, starting_body
 from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.play import play
-from touchstone.scenarios.avatar.tracking import ease, sample
+from touchstone.scenarios.avatar.tracking import ease, keyframed, sample
 from touchstone.scenarios.difficulty.family import families
-from touchstone.scenarios.scenario import Body, Box, Piece, Scenario, Tracker
-from touchstone.scenarios.solids import block, box_inertia, slab
+from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.solids import block, slab
 
 STEPS = (1 / 30, 1 / 60, 1 / 240, 1 / 960)
 MASSES = (0.01, 0.4, 100.0)
@@ -44,26 +45,16 @@ def critical(mass: float, stiffness: float) -> float:
 
 def plate(mass: float, stiffness: float, damping: float, times: Array, path: Array, turns: Array) -> tuple:
     """A driven plate and its tracker along a path (n, 3) [m] with rotation vectors (n, 3) [rad]."""
-    body = Body(
-        "plate", "driven", "wood", (Piece("plate", Box(HALF)),), mass=mass, inertia=box_inertia(mass, HALF)
-    )
+    body = block("plate", "wood", HALF, mass, kind="driven")
+    gains = {"stiffness": stiffness, "damping": damping, "interpolation": "pchip"}
     quaternions = Rotation.from_rotvec(turns).as_quat(scalar_first=True)
-    keys = tuple(tuple(tuple(row) for row in rows.tolist()) for rows in (path, quaternions))
-    tracker = Tracker("plate", (), tuple(times.tolist()), *keys, ((),) * len(times), stiffness, damping)
-    return body, tracker
+    return body, keyframed("plate", times, path, quaternions, **gains)
 
 
 def played(engine: SimpleNamespace, scenario: Scenario, dt: float) -> Iterator[State]:
     """States after every step; the same object."""
-    world = engine.build(scenario, Settings(next(iter(ENGINES[engine.name].profiles)), dt))
-    state = State(scenario)
-    for step in range(round(scenario.duration / dt)):
-        world.drive(step)
-        world.step()
-        state.clear_contacts()
-        world.read(state)
-        yield state
-    world.close()
+    settings = Settings(next(iter(ENGINES[engine.name].profiles)), dt)
+    return islice(states(engine, scenario, settings), 1, None)
 
 
 def each(*names: str) -> list:

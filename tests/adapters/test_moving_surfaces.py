@@ -10,11 +10,12 @@ from touchstone.adapters.divergence import Watch
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import profiles_of
+from touchstone.scenarios.avatar.tracking import keyframed
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.random_scenes import kind_of, random_scene
 from touchstone.scenarios.relations.changes import carried, with_hulls
-from touchstone.scenarios.scenario import GRAVITY, IDENTITY, Body, Box, Piece, Scenario, Sphere, Tracker
+from touchstone.scenarios.scenario import GRAVITY, Body, Box, Piece, Scenario, Sphere, Tracker
 from touchstone.scenarios.solids import block
 from touchstone.scenarios.transforms import mirrored, perturbed
 
@@ -35,8 +36,7 @@ def belt(kind: str = "fixed", *pieces: Piece, **motion: object) -> Body:
 def moving(speed: float) -> Tracker:
     """Path along x at a constant speed [m/s]; its keyframes begin and end outside the scene."""
     times = np.arange(-60, 181) / 60
-    places = tuple((speed * t, 0.0, -0.05) for t in times.tolist())
-    return Tracker("belt", (), tuple(times.tolist()), places, (IDENTITY,) * 241, ((),) * 241)
+    return keyframed("belt", times, [(speed * t, 0.0, -0.05) for t in times], interpolation="pchip")
 
 
 def loads(x: float = 0.0) -> tuple[Body, ...]:

@@ -11,8 +11,9 @@ from touchstone.adapters.recorder import record
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.avatar.tracking import keyframed
 from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import Body, Box, Piece, Scenario, Tracker
+from touchstone.scenarios.scenario import Body, Box, Piece, Scenario
 
 EQUAL = 1 / 240
 ENGINES = ("mujoco", "bullet", "dart")
@@ -29,15 +30,8 @@ def slap(speed: float) -> Scenario:
     times = np.arange(37) / 60
     heights = np.maximum(0.45 - speed * np.clip(times - 0.1, 0, None), -0.1)
     names = tuple(joint.name for joint in joints)
-    glove = Tracker(
-        "palm",
-        names,
-        tuple(times.tolist()),
-        tuple((0.0, 0.0, float(z)) for z in heights),
-        (PALM_DOWN,) * len(times),
-        ((0.1,) * len(names),) * len(times),
-        interpolation="cubic",
-    )
+    path = np.outer(heights, (0.0, 0.0, 1.0))
+    glove = keyframed("palm", times, path, PALM_DOWN, names, (0.1,) * len(names))
     table = Body("table", "fixed", "wood", (Piece("top", Box((0.6, 0.4, 0.02)), (0.0, 0.0, -0.02)),))
     return Scenario("slap", "a slap", (), (table, *links), 0.6, TABLE_1, joints=joints, trackers=(glove,))
 

@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from engine_states import states
 
-from touchstone.adapters.contract import Settings, State
+from touchstone.adapters.contract import Settings
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.posed_drive import Posed
 from touchstone.scenarios.catalogue import catalogue
@@ -34,14 +35,10 @@ def test_velocities_lead_from_pose_to_pose(snip: Scenario) -> None:
 @pytest.mark.parametrize("name", ["mujoco", "bullet", "dart"])
 def test_links_are_where_they_are_shown(registry: SimpleNamespace, snip: Scenario, name: str) -> None:
     """Pose the links as the tracker shows them, push the ball all the same, and report no drive."""
-    world = registry.engine(name).build(snip, Settings("equal-step", EQUAL, drive="posed"))
-    state, steps = State(snip), round(TOUCHED / EQUAL)
-    touched = 0
+    engine, settings = registry.engine(name), Settings("equal-step", EQUAL, drive="posed")
+    steps, touched = round(TOUCHED / EQUAL), 0
     palm, ball = snip.body_index("palm"), snip.body_index("ball")
-    for step in range(steps):
-        world.drive(step)
-        world.step()
-        world.read(state)
+    for state in states(engine, snip, settings, steps):
         touched += any(ball in (r["body_a"], r["body_b"]) for r in state.contacts[: state.contact_count])
     posed = Posed(snip, snip.trackers[0], EQUAL)
     links = list(posed.links)
@@ -51,9 +48,7 @@ def test_links_are_where_they_are_shown(registry: SimpleNamespace, snip: Scenari
     assert state.linear_velocity[ball, 0] > 0.3
     assert np.isnan(state.force).all()
     assert np.isnan(state.hinge_torque).all()
-    reported = world.describe()
-    world.close()
-    assert "none: links" in str(dict(reported.settings))
+    assert "none: links" in str(dict(engine.build(snip, settings).describe().settings))
     assert palm in links
 
 

@@ -11,8 +11,8 @@ from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.posed_drive import Posed, coupled
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import profiles_of
-from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Scenario, Tracker, vector
+from touchstone.scenarios.avatar.tracking import keyframed, sample
+from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Scenario, Tracker
 from touchstone.scenarios.solids import block, box_inertia
 
 DT, GRAVITY = 1 / 240, 9.81
@@ -33,8 +33,7 @@ def deck(**fields: object) -> Body:
 def path(places: np.ndarray, turns: Rotation | None = None) -> Tracker:
     """Tracker of the platform through places (91, 3) [m], and rotations."""
     turned = (turns or Rotation.identity(91)).as_quat(scalar_first=True)
-    rows = tuple(tuple(row) for row in turned.tolist())
-    return Tracker("deck", (), tuple(FRAMES.tolist()), tuple(map(vector, places)), rows, ((),) * 91)
+    return keyframed("deck", FRAMES, places, turned, interpolation="pchip")
 
 
 def accelerated(x: float, z: float = 0.0) -> Tracker:

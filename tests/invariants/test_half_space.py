@@ -38,8 +38,8 @@ from touchstone.scenarios.solids import (
     ellipsoid,
     half_space,
     hull,
-    rounded,
     slab,
+    solid,
 )
 
 LYING = (2**-0.5, 2**-0.5, 0.0, 0.0)
@@ -55,8 +55,8 @@ MOVING = {
     "cylinder": cylinder("body", "wood", 0.05, 0.1, *STATE, **MOTION),
     "cone": cone("body", "wood", 0.07, 0.1, *STATE, **MOTION),
     "ellipsoid": ellipsoid("body", "wood", (0.1, 0.07, 0.05), *STATE, **MOTION),
-    "rounded box": rounded("body", "wood", RoundedBox((0.08, 0.05, 0.03), 0.02), *STATE, **MOTION),
-    "rounded hull": rounded("body", "wood", RoundedHull(tuple(CORNERS), 0.02), *STATE, **MOTION),
+    "rounded box": solid("body", "wood", RoundedBox((0.08, 0.05, 0.03), 0.02), *STATE, **MOTION),
+    "rounded hull": solid("body", "wood", RoundedHull(tuple(CORNERS), 0.02), *STATE, **MOTION),
     "hull": hull("body", "wood", CORNERS, *STATE, **MOTION),
     "standing box": block("body", "wood", (0.1, 0.07, 0.05), 1.0, (0.1, 0.2, 0.05), velocity=(1.0, 0.0, 0.0)),
     "standing cone": cone("body", "wood", 0.07, 0.1, 1.0, (0.1, 0.2, 0.05), velocity=(1.0, 0.0, 0.0)),
@@ -128,7 +128,7 @@ def test_a_rounded_edge_rolls(engine: str, profile: str, rate: int, error: float
     times = np.arange(25) / 120
     true = rolled(box, tilt, times)
     turn = quaternion(Rotation.from_rotvec((0.0, tilt, 0.0)))
-    body = rounded("box", "wood", box, 1.0, vector(true[0]), turn)
+    body = solid("box", "wood", box, 1.0, vector(true[0]), turn)
     bodies, pairs = (half_space("floor", "wood"), body), (PairCoefficients("wood", "wood", 0.0, 1.0),)
     scene = Scenario("rolls", "", (), bodies, 0.2, pairs)
     recording = record(load(engine), replace(scene, frame_rate=120), Settings(profile, 1 / rate))
@@ -145,7 +145,7 @@ def test_a_rounded_edge_rolls(engine: str, profile: str, rate: int, error: float
 )
 def test_engines_refuse_what_they_cannot_round(engine: str, reason: str) -> None:
     """MuJoCo and DART have no rounded shapes, Bullet one per body."""
-    one = rounded("box", "wood", RoundedBox((0.1, 0.1, 0.05), 0.05), 1.0, (0.0, 0.0, 0.1))
+    one = solid("box", "wood", RoundedBox((0.1, 0.1, 0.05), 0.05), 1.0, (0.0, 0.0, 0.1))
     both = (*one.pieces, replace(one.pieces[0], name="other", position=(0.3, 0.0, 0.0)))
     bodies = half_space("floor", "wood"), replace(one, pieces=both)
     scene = Scenario("t", "", (), bodies, 1.0, (PairCoefficients("wood", "wood", 0.0, 0.5),))

@@ -25,22 +25,12 @@ import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import (
-    Array,
-    Manifest,
-    Settings,
-    State,
-    Unsupported,
-)
+from touchstone.adapters.contract import Array, Manifest, Settings, State, Unsupported
 from touchstone.adapters.engines.bullet.bodies import ROUNDED, Bodies, Factors
 from touchstone.adapters.engines.bullet.joints import close_loops, couple_joints
 from touchstone.adapters.engines.bullet.read_back import ReadBack
-from touchstone.adapters.engines.bullet.tables import (
-    BASE,
-    FRICTION_MAX,
-    UNTURNED,
-    Multibody,
-)
+from touchstone.adapters.engines.bullet.tables import BASE, FRICTION_MAX, UNTURNED, Multibody
+from touchstone.adapters.engines.scene_world import SceneWorld
 from touchstone.adapters.material_combine import (
     check_range,
     crossed_factors,
@@ -49,15 +39,11 @@ from touchstone.adapters.material_combine import (
     product_factors,
     restitutions,
 )
-from touchstone.adapters.posed_drive import coupled, moving_surfaces, posed_of
+from touchstone.adapters.posed_drive import moving_surfaces
 from touchstone.adapters.registry import ENGINES, require_profile
-from touchstone.adapters.servo import Drive, without_ballast
+from touchstone.adapters.servo import Drive
 from touchstone.adapters.vector_products import cross
-from touchstone.scenarios.scenario import (
-    Cone,
-    Ellipsoid,
-    Scenario,
-)
+from touchstone.scenarios.scenario import Cone, Ellipsoid, Scenario
 
 MISSING = {Cone: "cones", Ellipsoid: "ellipsoids"}
 
@@ -95,16 +81,12 @@ class BulletEngine:
         return f"{version('pybullet')} (API {pybullet.getAPIVersion()})"
 
 
-class World:
+class World(SceneWorld):
     """A scenario in a physics client."""
 
     def __init__(self, scenario: Scenario, settings: Settings, factors: list[Factors]) -> None:
-        self._scenario, self._settings = scenario, settings
-        self._posed = posed_of(scenario, settings) + moving_surfaces("bullet", scenario, settings)
-        self._moment = 0
-        self._coupled = coupled(scenario, settings)
-        driven = [scenario.trackers[k] for k in self._coupled]
-        self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
+        surfaces = moving_surfaces("bullet", scenario, settings)
+        super().__init__(BulletEngine(), scenario, settings, surfaces=surfaces)
         self._on = {"physicsClientId": pybullet.connect(pybullet.DIRECT)}
         self._native = settings.drive == "native"
         self._bodies = Bodies(scenario, settings, factors, dict(zip(self._coupled, self._drives)), self._on)
@@ -254,8 +236,7 @@ class World:
                 velocity = self._velocity[root] - cross(self._omega[root], self._lever[root])
                 drive.read(state, k, velocity, self._omega[root])
             state.hinge_torque[:] = self._hinge_torque
-        for posed, hinges in self._posed:
-            posed.show(self._moment, state, hinges)
+        self._show_posed(state)
         # A point that the solver skipped keeps the force of an earlier step.
         farthest = self._parameters.base.get("contactProcessingThreshold", inf)
         points = [
@@ -282,32 +263,21 @@ class World:
 
     def describe(self) -> Manifest:
         """Manifest of all values that Bullet reports, and of settings without a getter as they were set."""
-        engine, solver = BulletEngine(), pybullet.getPhysicsEngineParameters(**self._on)
+        solver = pybullet.getPhysicsEngineParameters(**self._on)
         found = ReadBack(self._scenario, self._settings, self._bodies, self._on)
-        return Manifest(
-            engine=engine.name,
-            version=engine.version(),
-            profile=self._settings.profile,
+        return self._manifest(
+            found.settings(solver),
+            found.bodies(),
+            self._pair_facts(found.combined),
+            found.pieces(),
             dt=solver["fixedTimeStep"],
-            settings=found.settings(solver),
-            bodies=without_ballast(found.bodies(), self._scenario, self._drives),
-            pairs=found.pairs(),
-            drives={
-                self._scenario.trackers[k].root: drive.gains()
-                for k, drive in zip(self._coupled, self._drives)
-            },
             limits=found.limits(),
-            pieces=found.pieces(),
             freedom=found.freedom(),
         )
 
     def cross(self) -> None:
         """Set the time step to its present value."""
         pybullet.setTimeStep(self._settings.dt, **self._on)
-
-    def stage_seconds(self) -> Mapping[str, float]:
-        """Nothing: pybullet writes its timers to files only."""
-        return {}
 
     def work(self) -> Mapping[str, float]:
         """Contact points of the last step; reading iterations would cost 2 us per step."""

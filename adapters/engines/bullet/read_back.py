@@ -6,12 +6,12 @@ import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Array, BodyFacts, PairFacts, Scalar, Settings
+from touchstone.adapters.contract import Array, BodyFacts, Scalar, Settings
 from touchstone.adapters.engines.bullet.bodies import Bodies
 from touchstone.adapters.engines.bullet.tables import BASE, LINK, RIGID_BODY
 from touchstone.adapters.posed_drive import coupled
 from touchstone.adapters.servo import ROOT_DRIVES
-from touchstone.scenarios.scenario import Hull, Scenario, vector
+from touchstone.scenarios.scenario import Hull, Scenario
 
 HINGE_DRIVES = {
     "native": "position control",
@@ -42,13 +42,21 @@ class ReadBack:
         rows = zip(self._scenario.bodies, self._facts, self._bodies.origin)
         return {body.name: _body_facts(fact, origin) for body, fact, origin in rows}
 
-    def pairs(self) -> tuple[PairFacts, ...]:
-        """Coefficients of the pairs that may touch."""
-        return tuple(self._pair_facts(a, b) for a, b in self._scenario.touching_pairs())
+    def combined(self, a: int, b: int) -> tuple[float, float]:
+        """Restitution and friction of a pair."""
+        first, second = self._facts[a], self._facts[b]
+        return first[5] * second[5], first[1] * second[1]
 
-    def pieces(self) -> dict[str, int]:
-        """Shapes by body."""
-        return {body.name: self._piece_count(k) for k, body in enumerate(self._scenario.bodies)}
+    def pieces(self) -> list[int]:
+        """Shapes of each body; Bullet reports none for rigid bodies."""
+        return [
+            len(body.pieces)
+            if k in self._bodies.rigid
+            else sum(
+                len(pybullet.getCollisionShapeData(*link, **self._on)) for link in self._bodies.colliders[k]
+            )
+            for k, body in enumerate(self._scenario.bodies)
+        ]
 
     def limits(self) -> dict[str, tuple[float, float]]:
         """Limits by hinge [rad]."""
@@ -110,21 +118,8 @@ class ReadBack:
             "threads": 1,
             "bodies with friction anchors": len(self._bodies.anchored),
             "bodies in maximal coordinates": sum(fact[10] == RIGID_BODY for fact in facts),
-            "collision_shapes": sum(self._piece_count(k) for k in range(len(self._scenario.bodies))),
+            "collision_shapes": sum(self.pieces()),
         }
-
-    def _piece_count(self, body: int) -> int:
-        """Shape count of a body, read back; Bullet reports none for rigid bodies."""
-        if body in self._bodies.rigid:
-            return len(self._scenario.bodies[body].pieces)
-        return sum(
-            len(pybullet.getCollisionShapeData(*link, **self._on)) for link in self._bodies.colliders[body]
-        )
-
-    def _pair_facts(self, a: int, b: int) -> PairFacts:
-        facts = self._facts
-        first, second = self._scenario.bodies[a].name, self._scenario.bodies[b].name
-        return PairFacts(first, second, facts[a][5] * facts[b][5], facts[a][1] * facts[b][1])
 
 
 def _largest(rows: list[tuple], field: int) -> float:
@@ -136,5 +131,4 @@ def _body_facts(fact: tuple, origin: Array) -> BodyFacts:
     axes."""
     # Bullet reports no axes for a rigid body: its inertia is along those of its shape.
     axes = np.eye(3) if fact[10] == RIGID_BODY else Rotation.from_quat(fact[4]).as_matrix()
-    inertia = axes @ np.diag(fact[2]) @ axes.T
-    return BodyFacts(fact[0], vector(fact[3] + origin), tuple(tuple(row) for row in inertia.tolist()))
+    return BodyFacts.of(fact[0], fact[3] + origin, axes @ np.diag(fact[2]) @ axes.T)

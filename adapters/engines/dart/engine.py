@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import dartpy
 import numpy as np
 
-from touchstone.adapters.contract import Array, Manifest, PairFacts, Scalar, Settings, State
+from touchstone.adapters.contract import Array, Manifest, Scalar, Settings, State
 from touchstone.adapters.engines.dart.joints import add_mechanisms, couple_joints, push_motors
 from touchstone.adapters.engines.dart.model import (
     DETECTORS,
@@ -38,6 +38,7 @@ from touchstone.adapters.engines.dart.model import (
     solver_options,
 )
 from touchstone.adapters.engines.dart.settings import SETTINGS
+from touchstone.adapters.engines.scene_world import SceneWorld
 from touchstone.adapters.material_combine import (
     check_range,
     frictions,
@@ -45,9 +46,9 @@ from touchstone.adapters.material_combine import (
     product_factors,
     restitutions,
 )
-from touchstone.adapters.posed_drive import coupled, moving_surfaces, posed_of
+from touchstone.adapters.posed_drive import moving_surfaces
 from touchstone.adapters.registry import ENGINES, require_profile
-from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
+from touchstone.adapters.servo import ROOT_DRIVES, simulated_masses
 from touchstone.scenarios.scenario import UNMOVED, Scenario
 
 COEFFICIENT_MIN = 1e-3
@@ -133,11 +134,12 @@ def _hinges(hand: Any) -> list[tuple[Any, float, float]]:
     return [(one, one.getPositionLowerLimit(0), one.getPositionUpperLimit(0)) for one in joints]
 
 
-class World:
+class World(SceneWorld):
     """A dartpy World; `_nodes` holds a BodyNode per body of the scenario."""
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
-        self._scenario, self._settings = scenario, settings
+        surfaces = moving_surfaces("dart", scenario, settings)
+        super().__init__(DartEngine(), scenario, settings, surfaces=surfaces)
         self._world = dartpy.simulation.World(scenario.name)
         _set_solver(self._world, scenario, settings)
         asked = {"restitution": restitutions(scenario), "friction": frictions(scenario)}
@@ -145,10 +147,6 @@ class World:
             check_range("dart", kind, scenario, wanted, least=COEFFICIENT_MIN)
         restitution = product_factors("dart", "restitution", scenario, asked["restitution"], greatest=1.0)
         friction = minimum_factors("dart", "friction", scenario, asked["friction"])
-        self._posed = posed_of(scenario, settings) + moving_surfaces("dart", scenario, settings)
-        self._moment, self._coupled = 0, coupled(scenario, settings)
-        self._trackers = [scenario.trackers[k] for k in self._coupled]
-        self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in self._trackers]
         by_name = {joint.name: joint for joint in scenario.joints}
         nodes: dict[int, Any] = {}
         for one, _ in self._posed:
@@ -242,11 +240,10 @@ class World:
             state.position[k], state.orientation[k] = pose.translation(), pose.quaternion().wxyz()
             state.linear_velocity[k] = node.getCOMLinearVelocity()
             state.angular_velocity[k] = node.getAngularVelocity()
-        for one, hinges in self._posed:
-            one.show(self._moment, state, hinges)
+        self._show_posed(state)
         if self._hands:
-            state.joint_angle[:] = np.concatenate([hand.getPositions()[ROOT_DOFS:] for hand in self._hands])
-            state.joint_rate[:] = np.concatenate([hand.getVelocities()[ROOT_DOFS:] for hand in self._hands])
+            moved = [(hand.getPositions(), hand.getVelocities()) for hand in self._hands]
+            self._write_hinges(state, [(q[ROOT_DOFS:], rate[ROOT_DOFS:]) for q, rate in moved])
             state.hinge_torque[:] = np.concatenate([self._hinge_torques(k) for k in range(len(self._hands))])
             for k, drive, root in zip(self._coupled, self._drives, self._roots):
                 drive.read(state, k, root.getLinearVelocity(), root.getAngularVelocity())
@@ -285,35 +282,14 @@ class World:
 
     def describe(self) -> Manifest:
         """Manifest as read from DART."""
-        names = [body.name for body in self._scenario.bodies]
-        aspects = {k: self._aspect(k) for pair in self._scenario.touching_pairs() for k in pair}
-        return Manifest(
-            engine=DartEngine.name,
-            version=str(dartpy.__version__),
-            profile=self._settings.profile,
+        bodies = zip(self._scenario.bodies, self._nodes)
+        return self._manifest(
+            self._facts(),
+            {body.name: body_facts(node) for body, node in bodies if body.kind not in UNMOVED},
+            self._pair_facts(self._combined),
+            [node.getNumShapeNodes() for node in self._nodes],
             dt=self._world.getTimeStep(),
-            settings=self._facts(),
-            bodies=without_ballast(
-                {
-                    body.name: body_facts(node)
-                    for body, node in zip(self._scenario.bodies, self._nodes)
-                    if body.kind not in UNMOVED
-                },
-                self._scenario,
-                self._drives,
-            ),
-            pairs=tuple(
-                PairFacts(
-                    names[a],
-                    names[b],
-                    aspects[a].getRestitutionCoeff() * aspects[b].getRestitutionCoeff(),
-                    min(aspects[a].getFrictionCoeff(), aspects[b].getFrictionCoeff()),
-                )
-                for a, b in self._scenario.touching_pairs()
-            ),
-            drives={tracker.root: d.gains() for tracker, d in zip(self._trackers, self._drives)},
             limits=self._limits(),
-            pieces={name: node.getNumShapeNodes() for name, node in zip(names, self._nodes)},
             freedom=sum(skeleton.getNumDofs() for skeleton in self._skeletons())
             - 6 * sum(one.prescribed for one, _ in self._posed),
         )
@@ -326,8 +302,11 @@ class World:
         hinges = [hinge for hand in self._hands for hinge in _hinges(hand)]
         return {name: (low, high) for name, (_, low, high) in zip(names, hinges)}
 
-    def _aspect(self, body: int) -> Any:
-        return self._nodes[body].getShapeNode(0).getDynamicsAspect()
+    def _combined(self, a: int, b: int) -> tuple[float, float]:
+        """Restitution and friction of two bodies as read from their first shapes."""
+        one, two = (self._nodes[body].getShapeNode(0).getDynamicsAspect() for body in (a, b))
+        friction = min(one.getFrictionCoeff(), two.getFrictionCoeff())
+        return one.getRestitutionCoeff() * two.getRestitutionCoeff(), friction
 
     def _facts(self) -> dict[str, Scalar]:
         world, solver = self._world, self._world.getConstraintSolver()
@@ -391,10 +370,6 @@ class World:
     def cross(self) -> None:
         """Call a getter of one number."""
         self._world.getTime()
-
-    def stage_seconds(self) -> Mapping[str, float]:
-        """Empty: DART has no timers."""
-        return {}
 
     def work(self) -> Mapping[str, float]:
         """Number of contacts of the last step."""

@@ -30,7 +30,6 @@ from typing import Any
 
 import dartpy
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import BodyFacts, Scalar, Unsupported
 from touchstone.adapters.engines.entry import ACCURATE, DEFAULT
@@ -47,8 +46,10 @@ from touchstone.scenarios.scenario import (
     Joint,
     Piece,
     Scenario,
+    Shape,
     Sphere,
 )
+from touchstone.scenarios.solids import outward_faces
 
 ADVICE = "only primitives meet (maintainers' advice, dart issue 1065)"
 CAPS = "only primitives meet, and FCL and DART's Bullet detector let cylinders, and bodies on planes, sink"
@@ -167,8 +168,7 @@ def set_mass(node: Any, body: Body | BodyFacts) -> None:
 
 def body_facts(node: Any) -> BodyFacts:
     """Mass properties of a node."""
-    rows: Any = node.getInertia().getMoment()
-    return BodyFacts(node.getMass(), tuple(node.getLocalCOM().tolist()), tuple(map(tuple, rows.tolist())))
+    return BodyFacts.of(node.getMass(), node.getLocalCOM(), node.getInertia().getMoment())
 
 
 def add_body(world: Any, body: Body) -> Any:
@@ -246,27 +246,7 @@ def add_servos(skeleton: Any, drive: Drive) -> None:
 
 
 def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: float) -> None:
-    match piece.shape:
-        case Sphere():
-            shape = _add_sphere(node, piece.shape, name)
-        case Box():
-            shape = _add_box(node, piece.shape, name)
-        case Capsule():
-            shape = _add_capsule(node, piece.shape, name)
-        case Cylinder():
-            shape = _add_cylinder(node, piece.shape, name)
-        case Ellipsoid():
-            shape = _add_ellipsoid(node, piece.shape, name)
-        case Hull():
-            shape = _add_hull(node, piece.shape, name)
-        case Cone():
-            shape = node.createShapeNode(
-                dartpy.dynamics.ConeShape(piece.shape.radius, 2 * piece.shape.half_length), name
-            )
-        case HalfSpace():
-            shape = node.createShapeNode(dartpy.dynamics.PlaneShape(np.array((0.0, 0.0, 1.0)), 0.0), name)
-        case _:
-            raise Unsupported(f"dart: no shape {type(piece.shape).__name__}")
+    shape = node.createShapeNode(_shape(piece.shape), name)
     shape.setRelativeTransform(isometry(piece.position, piece.orientation))
     shape.createCollisionAspect()
     shape.createDynamicsAspect()
@@ -275,29 +255,27 @@ def add_piece(node: Any, piece: Piece, name: str, restitution: float, friction: 
     shape.getDynamicsAspect().setRestitutionCoeff(restitution)
 
 
-def _add_sphere(node: Any, shape: Sphere, name: str) -> Any:
-    return node.createShapeNode(dartpy.dynamics.SphereShape(shape.radius), name)
-
-
-def _add_box(node: Any, shape: Box, name: str) -> Any:
-    return node.createShapeNode(dartpy.dynamics.BoxShape(2 * np.array(shape.half_extents)), name)
-
-
-def _add_capsule(node: Any, shape: Capsule, name: str) -> Any:
-    return node.createShapeNode(dartpy.dynamics.CapsuleShape(shape.radius, 2 * shape.half_length), name)
-
-
-def _add_cylinder(node: Any, shape: Cylinder, name: str) -> Any:
-    return node.createShapeNode(dartpy.dynamics.CylinderShape(shape.radius, 2 * shape.half_length), name)
-
-
-def _add_ellipsoid(node: Any, shape: Ellipsoid, name: str) -> Any:
-    return node.createShapeNode(dartpy.dynamics.EllipsoidShape(2 * np.array(shape.half_axes)), name)
-
-
-def _add_hull(node: Any, shape: Hull, name: str) -> Any:
-    """Add a MeshShape of the hull's outward triangles."""
-    return node.createShapeNode(mesh_shape(_outward_triangles(shape)), name)
+def _shape(shape: Shape) -> Any:
+    """DART's shape; a hull is a MeshShape of its outward triangles."""
+    kinds = dartpy.dynamics
+    match shape:
+        case Sphere(radius):
+            return kinds.SphereShape(radius)
+        case Box(half_extents):
+            return kinds.BoxShape(2 * np.array(half_extents))
+        case Capsule(radius, half_length):
+            return kinds.CapsuleShape(radius, 2 * half_length)
+        case Cylinder(radius, half_length):
+            return kinds.CylinderShape(radius, 2 * half_length)
+        case Ellipsoid(half_axes):
+            return kinds.EllipsoidShape(2 * np.array(half_axes))
+        case Cone(radius, half_length):
+            return kinds.ConeShape(radius, 2 * half_length)
+        case HalfSpace():
+            return kinds.PlaneShape(np.array((0.0, 0.0, 1.0)), 0.0)
+        case Hull():
+            return mesh_shape(_outward_triangles(shape))
+    raise Unsupported(f"dart: no shape {type(shape).__name__}")
 
 
 def mesh_shape(obj: str) -> Any:
@@ -315,10 +293,6 @@ def mesh_shape(obj: str) -> Any:
 @lru_cache(HULLS_KEPT)
 def _outward_triangles(shape: Hull) -> str:
     """A hull's triangles as an OBJ file, each counter-clockwise seen from outside."""
-    hull = ConvexHull(np.array(shape.vertices))
     lines = ["v {!r} {!r} {!r}".format(*vertex) for vertex in shape.vertices]
-    for triangle, outwards in zip(hull.simplices, hull.equations[:, :3]):
-        p, q, r = hull.points[triangle]
-        turned = triangle if np.cross(q - p, r - p) @ outwards > 0 else triangle[::-1]
-        lines.append("f {} {} {}".format(*(turned + 1)))
+    lines += ["f {} {} {}".format(*(face + 1)) for face in outward_faces(np.array(shape.vertices))]
     return "\n".join(lines) + "\n"

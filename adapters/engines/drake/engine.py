@@ -41,7 +41,6 @@ from touchstone.adapters.contract import (
     Array,
     BodyFacts,
     Manifest,
-    PairFacts,
     Scalar,
     Settings,
     State,
@@ -64,9 +63,10 @@ from touchstone.adapters.engines.drake.model import (
     transform,
     word_of,
 )
+from touchstone.adapters.engines.scene_world import SceneWorld
 from touchstone.adapters.material_combine import frictions
 from touchstone.adapters.registry import require_profile
-from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
+from touchstone.adapters.servo import ROOT_DRIVES, simulated_masses
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import Scenario
 
@@ -98,11 +98,11 @@ class DrakeEngine:
         return version("drake")
 
 
-class World:
+class World(SceneWorld):
     """A plant, its diagram and simulator. `bodies` has Drake's body per body of the scenario; None: fixed."""
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
-        self._scenario, self._settings = scenario, settings
+        super().__init__(DrakeEngine(), scenario, settings)
         builder, variable = DiagramBuilder(), word_of(settings, "integrator") == CENIC
         step = 0.0 if variable else settings.dt
         self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=step)
@@ -131,7 +131,6 @@ class World:
             plant.set_gravity_enabled(instance, False)
         free = plant.AddModelInstance("simulated")
         groups, geometries, fields = scenario.groups(), Geometries(), hydroelastic_of(settings)
-        self._drives = [Drive(scenario, t, settings.dt, settings.drive) for t in scenario.trackers]
         masses = simulated_masses(scenario, self._drives)
         self._bodies: list[Any] = []
         for k, body in enumerate(scenario.bodies):
@@ -240,9 +239,7 @@ class World:
             state.angular_velocity[k] = omega
         self._read_contacts(state)
         if self._drives:
-            found = [self._hinge_state(k) for k in range(len(self._drives))]
-            state.joint_angle[:] = np.concatenate([angle for angle, _ in found])
-            state.joint_rate[:] = np.concatenate([rate for _, rate in found])
+            self._write_hinges(state, [self._hinge_state(k) for k in range(len(self._drives))])
             for k, drive in enumerate(self._drives):
                 moved = plant.EvalBodySpatialVelocityInWorld(context, self._bodies[drive.links[0]])
                 drive.read(state, k, moved.translational(), moved.rotational())
@@ -299,21 +296,16 @@ class World:
             for body, drake in zip(scenario.bodies, self._bodies)
             if drake is not None
         }
-        return Manifest(
-            engine=DrakeEngine.name,
-            version=version("drake"),
-            profile=self._settings.profile,
-            dt=self._settings.dt,
-            settings=self._facts(),
-            bodies=without_ballast(facts, scenario, self._drives),
-            pairs=self._pairs(),
-            drives={t.root: drive.gains() for t, drive in zip(scenario.trackers, self._drives)},
+        return self._manifest(
+            self._facts(),
+            facts,
+            self._pair_facts(self._combined),
+            [len(self._geometries[k]) for k in range(len(scenario.bodies))],
             limits={
                 hinge.name(): (float(hinge.position_lower_limit()), float(hinge.position_upper_limit()))
                 for hinges in self._hinges
                 for hinge in hinges
             },
-            pieces={body.name: len(self._geometries[k]) for k, body in enumerate(scenario.bodies)},
             freedom=int(plant.num_velocities()),
         )
 
@@ -335,31 +327,15 @@ class World:
         accuracy = float(self._simulator.get_integrator().get_target_accuracy())
         return {"integrator": CENIC, "accuracy": accuracy}
 
-    def _pairs(self) -> tuple[PairFacts, ...]:
-        """Coefficients per touching pair as Drake combines them; it has no restitution."""
-        found = []
-        surface = {
-            k: self._inspector.GetProximityProperties(ids[0]).GetProperty("material", "coulomb_friction")
-            for k, ids in self._geometries.items()
-            if ids
-        }
-        for a, b in self._scenario.touching_pairs():
-            mu = CalcContactFrictionFromSurfaceProperties(surface[a], surface[b]).dynamic_friction()
-            names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
-            found.append(PairFacts(*names, 0.0, float(mu)))
-        return tuple(found)
+    def _combined(self, a: int, b: int) -> tuple[float, float]:
+        """Restitution, which Drake has not, and friction of two bodies as it combines it."""
+        properties = (self._inspector.GetProximityProperties(self._geometries[k][0]) for k in (a, b))
+        surfaces = (one.GetProperty("material", "coulomb_friction") for one in properties)
+        return 0.0, float(CalcContactFrictionFromSurfaceProperties(*surfaces).dynamic_friction())
 
     def cross(self) -> None:
         """Make an empty call into pydrake."""
         self._plant.time_step()
-
-    def stage_seconds(self) -> Mapping[str, float]:
-        """Drake reports none to Python."""
-        return {}
-
-    def work(self) -> Mapping[str, float]:
-        """Drake reports no counters to Python."""
-        return {}
 
     def close(self) -> None:
         """Release the plant and its simulator."""
@@ -386,5 +362,4 @@ def _body_facts(body: Any) -> BodyFacts:
     """Mass, mass centre and central inertia of a Drake body."""
     spatial = body.default_spatial_inertia()
     central = spatial.Shift(spatial.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
-    rows = tuple(tuple(row) for row in central.tolist())
-    return BodyFacts(float(spatial.get_mass()), tuple(spatial.get_com().tolist()), rows)
+    return BodyFacts.of(spatial.get_mass(), spatial.get_com(), central)

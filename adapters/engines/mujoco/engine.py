@@ -27,7 +27,6 @@ from touchstone.adapters.contract import (
     Array,
     BodyFacts,
     Manifest,
-    PairFacts,
     Scalar,
     Settings,
     State,
@@ -44,9 +43,10 @@ from touchstone.adapters.engines.mujoco.model import (
     set_options,
     turned,
 )
-from touchstone.adapters.posed_drive import Posed, coupled, posed_of
+from touchstone.adapters.engines.scene_world import SceneWorld, drives_of
+from touchstone.adapters.posed_drive import Posed, coupled
 from touchstone.adapters.registry import ENGINES, require_profile
-from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
+from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses
 from touchstone.adapters.vector_products import cross
 from touchstone.scenarios.body_joints import spanning_trees
 from touchstone.scenarios.scenario import Scenario
@@ -121,38 +121,32 @@ def translated(
     spec = mujoco.MjSpec()
     set_options(spec, scenario, settings)
     posed = settings.drive == "posed"
-    driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
-    drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
+    drives = drives_of(scenario, settings)
     bodies = add_bodies(spec, scenario, simulated_masses(scenario, drives), settings, posed)
     add_contacts(spec, bodies, scenario, settings, masks)
     if settings.drive == "native":
-        for drive, tracker in zip(drives, driven):
-            add_servos(spec, tracker.joints, drive)
+        for drive, k in zip(drives, coupled(scenario, settings)):
+            add_servos(spec, scenario.trackers[k].joints, drive)
     add_loops_and_motors(spec, scenario, settings)
     return spec, bodies, drives
 
 
-class World:
+class World(SceneWorld):
     """A compiled model and its data. `body` maps the scenario's index to MuJoCo's, `index` is the inverse."""
 
     def __init__(
         self, model: Any, body: list[int], scenario: Scenario, settings: Settings, drives: list[Drive]
     ) -> None:
+        super().__init__(MujocoEngine(), scenario, settings, drives)
         self._model, self._data = model, mujoco.MjData(model)
-        self._scenario, self._settings = scenario, settings
         self._body = np.array(body)
         self._index = np.full(model.nbody, -1)
         self._index[self._body] = np.arange(len(body))
-        self._drives = drives
         self._native = settings.drive == "native"
-        self._posed = posed_of(scenario, settings)
-        self._moment = 0
-        self._coupled = coupled(scenario, settings)
-        self._trackers = driven = [scenario.trackers[k] for k in self._coupled]
-        hinges = [[model.joint(name).id for name in tracker.joints] for tracker in driven]
+        hinges = [[model.joint(name).id for name in tracker.joints] for tracker in self._trackers]
         self._hinge_qpos = [model.jnt_qposadr[ids].astype(int) for ids in hinges]
         self._hinge_dof = [model.jnt_dofadr[ids].astype(int) for ids in hinges]
-        counts = [len(tracker.joints) for tracker in driven]
+        counts = [len(tracker.joints) for tracker in self._trackers]
         self._servos = [slice(sum(counts[:k]), sum(counts[: k + 1])) for k in range(len(counts))]
         self._root = [int(self._body[drive.links[0]]) for drive in self._drives]
         self._timers = np.zeros(int(TIMER.mjNTIMER))
@@ -247,8 +241,7 @@ class World:
         arm = data.xipos[body] - data.subtree_com[model.body_rootid[body]]
         state.linear_velocity[:] = data.cvel[body, 3:] + cross(omega, arm)
         state.angular_velocity[:] = omega
-        for posed, hinges in self._posed:
-            posed.show(self._moment, state, hinges)
+        self._show_posed(state)
         if self._drives:
             angles, dofs = np.concatenate(self._hinge_qpos), np.concatenate(self._hinge_dof)
             state.joint_angle[:], state.joint_rate[:] = data.qpos[angles], data.qvel[dofs]
@@ -281,25 +274,23 @@ class World:
 
     def describe(self) -> Manifest:
         """Manifest as read from the compiled model."""
-        scenario = self._scenario
-        return Manifest(
-            engine=MujocoEngine.name,
-            version=mujoco.mj_versionString(),
-            profile=self._settings.profile,
+        scenario, parameters = self._scenario, contact_parameters(self._model)
+
+        def combined(a: int, b: int) -> tuple[float, float]:
+            one, two = int(self._body[a]), int(self._body[b])
+            size, solref, mu = parameters[min(one, two), max(one, two)]
+            return restitution_of(solref, self._settings), mu if size > 1 else 0.0
+
+        return self._manifest(
+            self._facts(),
+            {source.name: self._body_facts(k) for k, source in zip(self._body, scenario.bodies)},
+            self._pair_facts(combined),  # all pairs of two bodies' geoms are equal by construction
+            [int(self._model.body_geomnum[k]) for k in self._body],
             dt=float(self._model.opt.timestep),
-            settings=self._facts(),
-            bodies=without_ballast(
-                {source.name: self._body_facts(k) for k, source in zip(self._body, scenario.bodies)},
-                scenario,
-                self._drives,
-            ),
-            pairs=self._pair_facts(),
-            drives={tracker.root: d.gains() for tracker, d in zip(self._trackers, self._drives)},
             limits={
                 j.name: tuple(self._model.joint(j.name).range.tolist())
                 for j in (scenario.joints if self._settings.drive != "posed" else ())
             },
-            pieces={b.name: int(self._model.body_geomnum[k]) for k, b in zip(self._body, scenario.bodies)},
             freedom=int(self._model.nv) - 6 * sum(one.prescribed for one, _ in self._posed),
         )
 
@@ -350,19 +341,8 @@ class World:
         flat = np.zeros(9)
         mujoco.mju_quat2Mat(flat, model.body_iquat[body])
         axes = flat.reshape(3, 3)
-        rows = tuple(tuple(row) for row in (axes * model.body_inertia[body] @ axes.T).tolist())
-        return BodyFacts(float(model.body_mass[body]), tuple(model.body_ipos[body].tolist()), rows)
-
-    def _pair_facts(self) -> tuple[PairFacts, ...]:
-        """Coefficients per touching pair of bodies; all pairs of their geoms are equal by construction."""
-        parameters = contact_parameters(self._model)
-        facts = []
-        for a, b in self._scenario.touching_pairs():
-            bodies = int(self._body[a]), int(self._body[b])
-            size, solref, mu = parameters[min(bodies), max(bodies)]
-            names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
-            facts.append(PairFacts(*names, restitution_of(solref, self._settings), mu if size > 1 else 0.0))
-        return tuple(facts)
+        inertia = axes * model.body_inertia[body] @ axes.T
+        return BodyFacts.of(model.body_mass[body], model.body_ipos[body], inertia)
 
     def cross(self) -> None:
         """Make the cheapest call into the library."""

@@ -170,50 +170,27 @@ def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
         if not hasattr(geom, "surfacevel"):
             raise Unsupported("mujoco: no moving surfaces before 3.11")
         geom.surfacevel = motion
+    kinds = mujoco.mjtGeom
     match piece.shape:
-        case Sphere():
-            _add_sphere(geom, piece.shape)
-        case Box():
-            _add_box(geom, piece.shape)
-        case Capsule():
-            _add_capsule(geom, piece.shape)
-        case Cylinder():
-            _add_cylinder(geom, piece.shape)
-        case Ellipsoid():
-            _add_ellipsoid(geom, piece.shape)
-        case Hull():
-            _add_hull(spec, geom, piece.shape)
+        case Sphere(radius):
+            geom.type, geom.size = kinds.mjGEOM_SPHERE, (radius, 0.0, 0.0)
+        case Box(half_extents):
+            geom.type, geom.size = kinds.mjGEOM_BOX, half_extents
+        case Capsule(radius, half_length):
+            geom.type, geom.size = kinds.mjGEOM_CAPSULE, (radius, half_length, 0.0)
+        case Cylinder(radius, half_length):
+            geom.type, geom.size = kinds.mjGEOM_CYLINDER, (radius, half_length, 0.0)
+        case Ellipsoid(half_axes):
+            geom.type, geom.size = kinds.mjGEOM_ELLIPSOID, half_axes
+        case Hull(vertices):
+            # MuJoCo stores vertices in single precision, in the mesh's inertial frame
+            mesh = spec.add_mesh(name=geom.name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
+            mesh.uservert = np.ravel(vertices)
+            geom.type, geom.meshname = kinds.mjGEOM_MESH, mesh.name
         case HalfSpace():
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_PLANE, (0.0, 0.0, 1.0)
+            geom.type, geom.size = kinds.mjGEOM_PLANE, (0.0, 0.0, 1.0)
         case _:
             raise Unsupported(f"mujoco: no shape {type(piece.shape).__name__}")
-
-
-def _add_sphere(geom: Any, shape: Sphere) -> None:
-    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, (shape.radius, 0.0, 0.0)
-
-
-def _add_box(geom: Any, shape: Box) -> None:
-    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, shape.half_extents
-
-
-def _add_capsule(geom: Any, shape: Capsule) -> None:
-    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CAPSULE, (shape.radius, shape.half_length, 0.0)
-
-
-def _add_cylinder(geom: Any, shape: Cylinder) -> None:
-    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CYLINDER, (shape.radius, shape.half_length, 0.0)
-
-
-def _add_ellipsoid(geom: Any, shape: Ellipsoid) -> None:
-    geom.type, geom.size = mujoco.mjtGeom.mjGEOM_ELLIPSOID, shape.half_axes
-
-
-def _add_hull(spec: Any, geom: Any, shape: Hull) -> None:
-    """Add a mesh for a hull; MuJoCo stores its vertices in single precision, in the mesh's inertial frame."""
-    mesh = spec.add_mesh(name=geom.name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
-    mesh.uservert = np.ravel(shape.vertices)
-    geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
 
 
 def inverse(quaternion: Quaternion | Array) -> Array:

@@ -33,7 +33,6 @@ from touchstone.adapters.contract import (
     Array,
     BodyFacts,
     Manifest,
-    PairFacts,
     Scalar,
     Settings,
     State,
@@ -51,9 +50,10 @@ from touchstone.adapters.engines.newton.model import (
     solver_of,
 )
 from touchstone.adapters.engines.newton.settings import SETTINGS
-from touchstone.adapters.posed_drive import coupled, posed_of
+from touchstone.adapters.engines.scene_world import SceneWorld
+from touchstone.adapters.posed_drive import coupled
 from touchstone.adapters.registry import require_profile
-from touchstone.adapters.servo import ROOT_DRIVES, Drive, simulated_masses, without_ballast
+from touchstone.adapters.servo import ROOT_DRIVES, simulated_masses
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import Scenario
 
@@ -103,24 +103,20 @@ class NewtonEngine:
         return version("newton")
 
 
-class World:
+class World(SceneWorld):
     """A model, its solver and two states that take turns. `_bodies` has Newton's body per body of the
     scenario, `_owners` the scenario's body per shape."""
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
-        self._scenario, self._settings = scenario, settings
-        self._posed, self._coupled = posed_of(scenario, settings), coupled(scenario, settings)
-        posed = [link for one, _ in self._posed for link in one.links]
-        self._drives = [
-            Drive(scenario, scenario.trackers[k], settings.dt, settings.drive) for k in self._coupled
-        ]
+        super().__init__(NewtonEngine(), scenario, settings)
+        posed = list(self._posed_links())
         masses = simulated_masses(scenario, self._drives)
         self._worlds = int(SETTINGS.in_force(settings.profile, settings.changes)["worlds"])
         builder = builder_of(scenario, settings.profile)
         self._jointed = [
-            Articulation(builder, scenario, scenario.trackers[k], drive, settings.drive)
-            for k, drive in zip(self._coupled, self._drives)
-            if scenario.trackers[k].joints
+            Articulation(builder, scenario, tracker, drive, settings.drive)
+            for tracker, drive in zip(self._trackers, self._drives)
+            if tracker.joints
         ]
         linked = {link: body for one in self._jointed for link, body in one.bodies.items()}
         given = builder, scenario, settings.profile, masses, linked, posed, self._worlds
@@ -128,7 +124,6 @@ class World:
         self._bodies, self._owners = np.array(bodies), np.array(owners)
         self._free = np.array([k for k, own in enumerate(bodies) if own != WORLD and k not in posed], int)
         self._fixed = np.flatnonzero(self._bodies == WORLD)
-        self._moment = 0
         self._now, self._before = self._model.state(), self._model.state()
         self._set_motion()
         self._solver, self._control = solver_of(self._model, settings), self._model.control()
@@ -227,8 +222,7 @@ class World:
             state.orientation[self._free] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
             state.linear_velocity[self._free] = moved[:, :3]
             state.angular_velocity[self._free] = moved[:, 3:]
-        for one, hinges in self._posed:
-            one.show(self._moment, state, hinges)
+        self._show_posed(state)
         for number, drive in zip(self._coupled, self._drives):
             root = drive.links[0]
             drive.read_central(
@@ -237,8 +231,7 @@ class World:
         if self._jointed:
             if self._settings.profile == XPBD:  # it has poses of bodies alone
                 newton.eval_ik(self._model, self._now, self._now.joint_q, self._now.joint_qd)
-            angles, rates = zip(*(one.hinges(self._now) for one in self._jointed))
-            state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
+            self._write_hinges(state, [one.hinges(self._now) for one in self._jointed])
             if self._steps:
                 state.hinge_torque[:] = self._torques
         self._read_contacts(state)
@@ -273,25 +266,14 @@ class World:
             for array in (model.body_mass, model.body_com, model.body_inertia)
         )
         facts = {
-            scenario.bodies[k].name: BodyFacts(
-                float(mass[body]),
-                tuple(com[body].astype(float).tolist()),
-                tuple(tuple(row) for row in inertia[body].astype(float).tolist()),
-            )
+            scenario.bodies[k].name: BodyFacts.of(mass[body], com[body], inertia[body])
             for k, body in zip(self._free, self._bodies[self._free])
         }
-        return Manifest(
-            engine=NewtonEngine.name,
-            version=version("newton"),
-            profile=self._settings.profile,
-            dt=self._settings.dt,
-            settings=self._facts(),
-            bodies=without_ballast(facts, scenario, self._drives),
-            pairs=self._pairs(),
-            drives={
-                scenario.trackers[k].root: drive.gains() for k, drive in zip(self._coupled, self._drives)
-            },
-            pieces={body.name: int((self._owners == k).sum()) for k, body in enumerate(scenario.bodies)},
+        return self._manifest(
+            self._facts(),
+            facts,
+            self._pair_facts(self._combined),
+            [int((self._owners == k).sum()) for k in range(len(scenario.bodies))],
             limits={name: pair for one in self._jointed for name, pair in one.limits(self._model).items()},
             freedom=6 * len(self._free) - 5 * sum(len(one.bodies) - 1 for one in self._jointed),
         )
@@ -318,33 +300,20 @@ class World:
             facts["restitution"] = "none"
         return facts
 
-    def _pairs(self) -> tuple[PairFacts, ...]:
-        """Coefficients per touching pair as the solver combines them."""
-        mu = self._model.shape_material_mu.numpy().astype(float)
-        e = self._model.shape_material_restitution.numpy().astype(float)
-        first = {int(owner): shape for shape, owner in reversed(list(enumerate(self._owners)))}
-        found = []
-        for a, b in self._scenario.touching_pairs():
-            of = [first[a], first[b]]
-            friction = mu[of].mean()
-            if self._settings.profile in OF_MUJOCO:
-                first_rank, other_rank = self._model.mujoco.geom_priority.numpy()[of]
-                friction = mu[of].max() if first_rank == other_rank else mu[of[int(other_rank > first_rank)]]
-            names = self._scenario.bodies[a].name, self._scenario.bodies[b].name
-            found.append(PairFacts(*names, float(e[of].mean()), float(friction)))
-        return tuple(found)
+    def _combined(self, a: int, b: int) -> tuple[float, float]:
+        """Restitution and friction of two bodies' first shapes as the solver combines them."""
+        of = [int(np.argmax(self._owners == body)) for body in (a, b)]
+        mu = self._model.shape_material_mu.numpy()[of].astype(float)
+        e = self._model.shape_material_restitution.numpy()[of].astype(float)
+        friction = mu.mean()
+        if self._settings.profile in OF_MUJOCO:
+            first_rank, other_rank = self._model.mujoco.geom_priority.numpy()[of]
+            friction = mu.max() if first_rank == other_rank else mu[int(other_rank > first_rank)]
+        return float(e.mean()), float(friction)
 
     def cross(self) -> None:
         """Make an empty call into Warp."""
         warp.is_cpu_available()
-
-    def stage_seconds(self) -> Mapping[str, float]:
-        """Newton reports none."""
-        return {}
-
-    def work(self) -> Mapping[str, float]:
-        """Newton reports no counters."""
-        return {}
 
     def close(self) -> None:
         """Release the model and its solver."""

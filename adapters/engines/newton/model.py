@@ -9,9 +9,8 @@ from typing import Any
 import newton
 import numpy as np
 import warp
-from scipy.spatial import ConvexHull
 
-from touchstone.adapters.contract import Array, BodyFacts, Settings, Unsupported
+from touchstone.adapters.contract import BodyFacts, Settings, Unsupported
 from touchstone.adapters.engines.mujoco.masks import contact_filter
 from touchstone.adapters.engines.newton import ELLIPTIC, KAMINO, MUJOCO, STEEL, XPBD
 from touchstone.adapters.engines.newton.settings import SETTINGS
@@ -24,6 +23,7 @@ from touchstone.adapters.material_combine import (
 )
 from touchstone.scenarios import scenario as shapes
 from touchstone.scenarios.scenario import UNMOVED, Body, Piece, Scenario
+from touchstone.scenarios.solids import outward_faces
 
 RESTITUTION_MAX = 0.3
 """Restitution up to which impacts are played without any by solvers that have none [1]: that of the materials
@@ -130,7 +130,7 @@ def pose(position: Any, orientation: Any) -> Any:
 
 def _add_body(builder: Any, name: str, masses: Body | BodyFacts, own: Any, posed: bool) -> int:
     if not masses.mass > 0:  # a prescribed body; MuJoCo ignores the velocity of one without mass
-        masses = BodyFacts(1.0, masses.center_of_mass, tuple(map(tuple, np.eye(3).tolist())))
+        masses = BodyFacts.of(1.0, masses.center_of_mass, np.eye(3))
     index: int = builder.add_body(xform=own, label=name, is_kinematic=posed, **_given(masses))
     return index
 
@@ -171,20 +171,11 @@ def _add_piece(
         case shapes.HalfSpace():
             builder.add_shape_plane(None, body=body, width=0.0, length=0.0, **given)
         case shapes.Hull(vertices):
-            builder.add_shape_convex_hull(body, mesh=_mesh(np.array(vertices)), **given)
+            faces = outward_faces(np.array(vertices)).astype(np.int32)
+            mesh = newton.Mesh(np.array(vertices, dtype=np.float32), faces.ravel())
+            builder.add_shape_convex_hull(body, mesh=mesh, **given)
         case _:
             raise Unsupported(f"newton: no shape {type(piece.shape).__name__}")
-
-
-def _mesh(vertices: Array) -> Any:
-    """Triangles of a hull, turned outwards."""
-    hull = ConvexHull(vertices)
-    triangles = hull.simplices.copy()
-    corners = vertices[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = (normals * hull.equations[:, :3]).sum(axis=1) < 0
-    triangles[inward] = triangles[inward][:, ::-1]
-    return newton.Mesh(vertices.astype(np.float32), triangles.astype(np.int32).ravel())
 
 
 def solver_of(model: Any, settings: Settings) -> Any:

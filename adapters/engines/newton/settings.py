@@ -1,14 +1,6 @@
-"""Table of Newton's settings that `--set` changes, named as the parameters of its solvers."""
-
-from __future__ import annotations
+"""Settings of Newton that `--set` changes (`settings.csv`), named as the parameters of its solvers."""
 
 from touchstone.adapters.engines.newton import ENTRY
-from touchstone.adapters.knobs import Range, Table
+from touchstone.adapters.knobs import table_of
 
-SETTINGS = Table(
-    ENTRY.profiles,
-    (
-        Range("iterations", 1, 1e6, "", ("10", "100", "100", "12", "200"), "most iterations of the solver"),
-        Range("worlds", 1, 4096, "", ("1",) * len(ENTRY.profiles), "equal worlds that are stepped together"),
-    ),
-)
+SETTINGS = table_of(__file__, ENTRY.profiles)

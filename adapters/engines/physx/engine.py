@@ -20,24 +20,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib.metadata import version
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from touchstone.adapters.contract import Manifest, PairFacts, Settings, State, Unsupported
+from touchstone.adapters.contract import Manifest, Settings, State, Unsupported
 from touchstone.adapters.engines.physx import ENTRY
 from touchstone.adapters.engines.physx.articulation import HINGE_DRIVES, Articulation
-from touchstone.adapters.engines.physx.model import (
-    Pieces,
-    add_bodies,
-    facts_of,
-    mass_facts,
-    pose,
-    scene_of,
-)
-from touchstone.adapters.posed_drive import coupled, posed_of
+from touchstone.adapters.engines.physx.model import Pieces, add_bodies, facts_of, mass_facts, pose, scene_of
+from touchstone.adapters.engines.scene_world import SceneWorld
 from touchstone.adapters.registry import require_profile
-from touchstone.adapters.servo import ROOT_DRIVES, Drive, without_ballast
+from touchstone.adapters.servo import ROOT_DRIVES
 from touchstone.scenarios.avatar.surface_motion import surface_moves
 from touchstone.scenarios.scenario import Scenario
 
@@ -60,21 +53,17 @@ class PhysxEngine:
         return version("sapien")
 
 
-class World:
+class World(SceneWorld):
     """A scene. `_added` has entity and component per body, `_moving` the bodies that PhysX moves."""
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
-        self._scenario, self._settings = scenario, settings
+        super().__init__(PhysxEngine(), scenario, settings)
         self._scene, self._system = scene_of(settings, scenario.acting_gravity)
-        self._posed = posed_of(scenario, settings)
-        posed = {link: one for one, _ in self._posed for link in one.links}
-        self._coupled = coupled(scenario, settings)
-        driven = [scenario.trackers[k] for k in self._coupled]
-        self._drives = [Drive(scenario, tracker, settings.dt, settings.drive) for tracker in driven]
+        posed = self._posed_links()
         pieces = Pieces(scenario, settings)
         added = add_bodies(self._scene, scenario, settings, posed, self._drives, pieces)
         self._jointed = []
-        for tracker, drive in zip(driven, self._drives):
+        for tracker, drive in zip(self._trackers, self._drives):
             if tracker.joints:
                 given = self._scene, scenario, tracker, drive, settings, pieces.attach
                 self._jointed.append(Articulation(*given))
@@ -85,7 +74,6 @@ class World:
         self._moving = [k for k, fixed in enumerate(still) if not fixed]
         self._position = np.array([body.position for body in scenario.bodies])
         self._orientation = np.array([body.orientation for body in scenario.bodies])
-        self._moment = 0
 
     def drive(self, step: int) -> None:
         """Apply force and torque to the roots; give kinematic bodies their poses at the step's end."""
@@ -115,16 +103,14 @@ class World:
             turn = place.q.astype(float)
             state.position[k], state.orientation[k] = place.p, turn / np.linalg.norm(turn)
             state.linear_velocity[k], state.angular_velocity[k] = body.linear_velocity, body.angular_velocity
-        for one, hinges in self._posed:
-            one.show(self._moment, state, hinges)
+        self._show_posed(state)
         for k, drive in zip(self._coupled, self._drives):
             body = self._added[drive.links[0]][1]
             drive.read_central(
                 state, k, body.linear_velocity.astype(float), body.angular_velocity.astype(float)
             )
         if self._jointed:
-            angles, rates = zip(*(jointed.state() for jointed in self._jointed))
-            state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
+            self._write_hinges(state, [jointed.state() for jointed in self._jointed])
             if self._moment:
                 state.hinge_torque[:] = np.concatenate([jointed.torques() for jointed in self._jointed])
         self._read_contacts(state)
@@ -148,48 +134,27 @@ class World:
 
     def describe(self) -> Manifest:
         """Manifest as read from the scene."""
-        scenario, names = self._scenario, [body.name for body in self._scenario.bodies]
         components = [component for _, component in self._added]
-        return Manifest(
-            engine=PhysxEngine.name,
-            version=version("sapien"),
-            profile=self._settings.profile,
-            dt=self._settings.dt,
-            settings=facts_of(self._system, components)
+        return self._manifest(
+            facts_of(self._system, components)
             | {"root_drive": ROOT_DRIVES[self._settings.drive]}
             | ({"hinge_drive": HINGE_DRIVES[self._settings.drive]} if self._jointed else {}),
+            {self._names[k]: mass_facts(components[k]) for k in self._moving},
+            self._pair_facts(self._combined),
+            [len(one.collision_shapes) for one in components],
             limits={name: both for jointed in self._jointed for name, both in jointed.limits().items()},
-            drives={
-                scenario.trackers[k].root: drive.gains() for k, drive in zip(self._coupled, self._drives)
-            },
-            bodies=without_ballast(
-                {names[k]: mass_facts(components[k]) for k in self._moving}, scenario, self._drives
-            ),
-            pairs=tuple(
-                PairFacts(names[a], names[b], *self._combined(components[a], components[b]))
-                for a, b in scenario.touching_pairs()
-            ),
-            pieces={name: len(one.collision_shapes) for name, one in zip(names, components)},
             freedom=6 * len(self._moving) - 5 * sum(len(one.added) - 1 for one in self._jointed),
         )
 
-    def _combined(self, a: Any, b: Any) -> tuple[float, float]:
+    def _combined(self, a: int, b: int) -> tuple[float, float]:
         """Restitution and friction of two bodies as read from their materials."""
-        first, second = (one.collision_shapes[0].physical_material for one in (a, b))
+        first, second = (self._added[k][1].collision_shapes[0].physical_material for k in (a, b))
         restitution = (first.restitution + second.restitution) / 2
         return restitution, (first.dynamic_friction + second.dynamic_friction) / 2
 
     def cross(self) -> None:
         """Read one number."""
         _ = self._system.timestep
-
-    def stage_seconds(self) -> Mapping[str, float]:
-        """SAPIEN reports none."""
-        return {}
-
-    def work(self) -> Mapping[str, float]:
-        """SAPIEN reports no counters."""
-        return {}
 
     def close(self) -> None:
         """Release the scene."""

@@ -186,8 +186,7 @@ def mass_facts(component: Any) -> BodyFacts:
     """Mass, mass centre and inertia as read from one of SAPIEN's bodies."""
     frame = component.get_cmass_local_pose()
     axes = Rotation.from_quat(frame.q, scalar_first=True).as_matrix()
-    inertia: Array = axes @ np.diag(component.inertia) @ axes.T
-    return BodyFacts(float(component.mass), tuple(frame.p.tolist()), tuple(map(tuple, inertia.tolist())))
+    return BodyFacts.of(component.mass, frame.p, axes @ np.diag(component.inertia) @ axes.T)
 
 
 def facts_of(system: Any, components: list[Any]) -> dict[str, Scalar]:

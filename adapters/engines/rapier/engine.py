@@ -27,15 +27,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from touchstone.adapters.contract import (
-    AdapterError,
-    Array,
-    Manifest,
-    PairFacts,
-    Settings,
-    State,
-    Unsupported,
-)
+from touchstone.adapters.contract import AdapterError, Array, Manifest, Settings, State, Unsupported
 from touchstone.adapters.engines.rapier import ENTRY
 from touchstone.adapters.engines.rapier.model import (
     UNTURNED,
@@ -49,7 +41,8 @@ from touchstone.adapters.engines.rapier.model import (
     wxyz,
 )
 from touchstone.adapters.engines.rapier.multibody import HINGE_DRIVE, Hinges, groups_of
-from touchstone.adapters.posed_drive import coupled, posed_of
+from touchstone.adapters.engines.scene_world import SceneWorld
+from touchstone.adapters.posed_drive import coupled
 from touchstone.adapters.registry import require_profile
 from touchstone.adapters.servo import ROOT_DRIVES, Drive
 from touchstone.adapters.vector_products import turned
@@ -90,24 +83,21 @@ class RapierEngine:
         return version("rapier3d")
 
 
-class World:
+class World(SceneWorld):
     """A PhysicsWorld. `_bodies` has Rapier's body per body, `_moving` the bodies that Rapier moves."""
 
     def __init__(self, scenario: Scenario, settings: Settings) -> None:
-        self._scenario, self._settings = scenario, settings
-        self._world = world_of(settings, scenario.acting_gravity)
-        self._posed = posed_of(scenario, settings)
-        posed = {link: one for one, _ in self._posed for link in one.links}
         driven = [scenario.trackers[k] for k in coupled(scenario, settings)]
-        self._drives = {one.root: Drive(scenario, one, settings.dt, "torque") for one in driven}
-        jointed = [one for one in driven if one.joints]
-        groups = groups_of(scenario, jointed)
-        self._handles, self._rules = add_bodies(self._world, scenario, settings, posed, groups)
-        self._anchors = [
-            add_coupling(self._world, one, self._handles[one.links[0]]) for one in self._drives.values()
-        ]
+        drives = [Drive(scenario, tracker, settings.dt, "torque") for tracker in driven]
+        super().__init__(RapierEngine(), scenario, settings, drives)
+        self._world = world_of(settings, scenario.acting_gravity)
+        groups = groups_of(scenario, [tracker for tracker in driven if tracker.joints])
+        self._handles, self._rules = add_bodies(self._world, scenario, settings, self._posed_links(), groups)
+        self._anchors = [add_coupling(self._world, one, self._handles[one.links[0]]) for one in drives]
         self._hinges = [
-            Hinges(self._world, scenario, one, self._drives[one.root], self._handles) for one in jointed
+            Hinges(self._world, scenario, tracker, drive, self._handles)
+            for tracker, drive in zip(driven, drives)
+            if tracker.joints
         ]
         self._bodies = [self._world.rigid_bodies[handle] for handle in self._handles]
         self._moving = [k for k, body in enumerate(self._bodies) if body.is_dynamic]
@@ -119,12 +109,11 @@ class World:
         self._owner = np.array([one.user_data for _, one in colliders], dtype=int)
         self._place = np.array([one.translation_wrt_parent.to_tuple() for _, one in colliders])
         self._turn = np.array([wxyz(one.rotation_wrt_parent) for _, one in colliders])
-        self._moment = 0
 
     def drive(self, step: int) -> None:
         """Give kinematic bodies, those at the trackers too, their poses at the step's end."""
         self._moment = step + 1
-        for drive, (place, turn) in zip(self._drives.values(), self._anchors):
+        for drive, (place, turn) in zip(self._drives, self._anchors):
             place.set_next_kinematic_position(pose(drive.target.position[step], UNTURNED))
             turn.set_next_kinematic_position(pose(ORIGIN, drive.target.orientation[step]))
         for hinges in self._hinges:
@@ -151,8 +140,7 @@ class World:
             state.angular_velocity[k] = body.angvel.to_tuple()
         state.position[:], state.orientation[:] = self._position, self._orientation
         if self._hinges:
-            angles, rates = zip(*(one.state() for one in self._hinges))
-            state.joint_angle[:], state.joint_rate[:] = np.concatenate(angles), np.concatenate(rates)
+            self._write_hinges(state, [one.state() for one in self._hinges])
         for one, hinges in self._posed:
             one.show(self._moment, state, hinges)
             links = list(one.links)
@@ -194,23 +182,14 @@ class World:
 
     def describe(self) -> Manifest:
         """Manifest as read from the world."""
-        scenario, world = self._scenario, self._world
-        names = [body.name for body in scenario.bodies]
-        return Manifest(
-            engine=RapierEngine.name,
-            version=version("rapier3d"),
-            profile=self._settings.profile,
-            dt=self._settings.dt,
-            settings=facts_of(world, self._settings, self._rules)
+        return self._manifest(
+            facts_of(self._world, self._settings, self._rules)
             | {"root_drive": ROOT_DRIVE if self._anchors else ROOT_DRIVES["posed"]}
             | ({"hinge_drive": HINGE_DRIVE} if self._hinges else {}),
+            {self._names[k]: mass_facts(self._bodies[k]) for k in self._moving},
+            self._pair_facts(self._combined),
+            [len(body.colliders) for body in self._bodies],
             limits={name: both for one in self._hinges for name, both in one.limits().items()},
-            bodies={names[k]: mass_facts(self._bodies[k]) for k in self._moving},
-            pairs=tuple(
-                PairFacts(names[a], names[b], *self._combined(a, b)) for a, b in scenario.touching_pairs()
-            ),
-            drives={root: drive.gains() for root, drive in self._drives.items()},
-            pieces={name: len(body.colliders) for name, body in zip(names, self._bodies)},
             freedom=6 * len(self._moving) - 5 * sum(len(one.limits()) for one in self._hinges),
         )
 

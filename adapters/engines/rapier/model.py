@@ -199,7 +199,7 @@ def mass_facts(body: Any) -> BodyFacts:
     given = body.mass_properties
     axes = Rotation.from_quat(given.principal_inertia_local_frame.to_tuple()).as_matrix()
     inertia = axes @ np.diag(given.principal_inertia.to_tuple()) @ axes.T
-    return BodyFacts(given.mass, given.local_com.to_tuple(), tuple(map(tuple, inertia.tolist())))
+    return BodyFacts.of(given.mass, given.local_com.to_tuple(), inertia)
 
 
 def _place(piece: Piece) -> Any:

@@ -127,7 +127,7 @@ def compile_simulated_loop(parent: int) -> None:
     _compile(frame.guard_energy, world, 0, True, 0, False, 0.01)
     _compile(frame.gather_contacts, world, 0.0)
     _compile(frame.separate_simulated, world, 0)
-    _compile(frame.earliest_impact, world, 0, 0, 1.0, True)
+    _compile(frame.earliest_impact, world, 0, 0, 1.0, True, (-1, -1))
     # the first process is still in the driven loop, and comes to profile `paper` last
     _compile(paper_frame.update_driven_objects, world)
     _compile(paper_frame.update_simulated_objects, world)
