@@ -35,9 +35,8 @@ from touchstone.reports.studies.narrow_phase.study import (
     with_median,
     with_ratio,
 )
-from touchstone.reports.studies.study import kept
+from touchstone.reports.studies.study import MICRO, interval_text, kept, limit_text, remarks, value_text
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.views.render import Part
 
 HEADS = ("family", "detector", "query", "net", "error", "over it", "95 % interval", "limit")

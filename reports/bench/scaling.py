@@ -33,9 +33,16 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, measure
-from touchstone.reports.studies.study import kept, with_interval
+from touchstone.reports.studies.study import (
+    MICRO,
+    interval_text,
+    kept,
+    limit_text,
+    remarks,
+    value_text,
+    with_interval,
+)
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.views.pictures import detector_looks, ends, log_axis, save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere

@@ -144,7 +144,7 @@ def run(
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.study import run as run_study
-    from touchstone.reports.run.without_figures import without_figures
+    from touchstone.reports.run.study import without_figures
     from touchstone.reports.runner.request import TooLargeError, check_memory, limited
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 

@@ -11,7 +11,7 @@ from math import isfinite
 from touchstone.reports.metrics import METRICS, label
 from touchstone.reports.page.html import Change, Inline, Linked, fold, long_table
 from touchstone.reports.results import Row
-from touchstone.reports.runner.reproduce import reproduce, script_command
+from touchstone.reports.runner.request import reproduce, script_command
 from touchstone.reports.views.matrix import (
     LIMITS,
     TOPICS,

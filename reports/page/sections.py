@@ -12,12 +12,10 @@ from touchstone.reports.page import charts
 from touchstone.reports.page.html import Content, Inline, figure, fold, long_table, part_body, plain_table
 from touchstone.reports.page.matrix import SHOWN, metric_part, remarks, scene_part, valued
 from touchstone.reports.results import NOT_RUN, Row, rows_of
-from touchstone.reports.runner.reproduce import reproduce
-from touchstone.reports.runner.request import REFERENCE
+from touchstone.reports.runner.request import REFERENCE, reproduce
 from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
-from touchstone.reports.views.apart import headlines
 from touchstone.reports.views.losses import losses
-from touchstone.reports.views.tables import MARKS, exact_number, grid
+from touchstone.reports.views.tables import MARKS, exact_number, grid, headlines
 from touchstone.scenarios.plural import plural
 
 HARD = "stability"

@@ -31,9 +31,16 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.tasks import Task, own_profile, own_settings, played
-from touchstone.reports.studies.study import kept, missing_rows, with_interval
+from touchstone.reports.studies.study import (
+    MICRO,
+    kept,
+    limit_text,
+    missing_rows,
+    remarks,
+    value_text,
+    with_interval,
+)
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.bench_tables import MICRO, limit_text, remarks, value_text
 from touchstone.reports.views.pictures import INK, PALE, by, looks, rule, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number

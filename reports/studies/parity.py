@@ -23,8 +23,8 @@ from touchstone.reports.run.farthest_apart import THRESHOLD
 from touchstone.reports.runner.measures import last_within
 from touchstone.reports.runner.tasks import Task, played
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
-from touchstone.reports.views.apart import length_text
 from touchstone.reports.views.render import Part
+from touchstone.reports.views.tables import length_text
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import permuted
 

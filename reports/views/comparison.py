@@ -11,8 +11,7 @@ import numpy as np
 
 from touchstone.reports.metrics.motion.time_series import Course, heaviest_pairs
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.runner.reproduce import reproduce
-from touchstone.reports.runner.request import step_text
+from touchstone.reports.runner.request import reproduce, step_text
 from touchstone.reports.views.tables import number, scaled_number, unit_of
 
 if TYPE_CHECKING:

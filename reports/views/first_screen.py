@@ -9,9 +9,7 @@ import pandas as pd
 from rich.text import Text
 
 from touchstone.reports.results import NOT_RUN, Row, rows_of
-from touchstone.reports.runner.reproduce import reproduce
-from touchstone.reports.views.apart import TITLE as APART
-from touchstone.reports.views.apart import apart_table
+from touchstone.reports.runner.request import reproduce
 from touchstone.reports.views.losses import loss_rows
 from touchstone.reports.views.matrix import (
     LIMITS,
@@ -24,7 +22,7 @@ from touchstone.reports.views.matrix import (
     worst_of,
 )
 from touchstone.reports.views.render import Part
-from touchstone.reports.views.tables import MARKS, Column, columns_of, quantity
+from touchstone.reports.views.tables import APART, MARKS, Column, apart_table, columns_of, quantity
 from touchstone.reports.views.terminal import SCENES_IN_FULL, STYLES
 from touchstone.scenarios.plural import plural
 

@@ -11,22 +11,23 @@ from rich.text import Text
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
-from touchstone.reports.runner.reproduce import script_command
+from touchstone.reports.runner.request import script_command
 from touchstone.reports.verdict.judge import WORST_LAST, Count, counted
-from touchstone.reports.views.apart import TITLE as APART
-from touchstone.reports.views.apart import apart_table, headlines
 from touchstone.reports.views.frame_budget import budget_part
 from touchstone.reports.views.losses import losses_part
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import (
+    APART,
     HIDDEN,
     LEGEND,
     MARKS,
     Column,
     TableCell,
+    apart_table,
     cell_of,
     columns_of,
     grid,
+    headlines,
     number,
     unit_of,
 )

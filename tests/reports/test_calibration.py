@@ -20,8 +20,8 @@ from touchstone.reports.studies.calibration.probes import (
     lowest_speed,
     restitution_of,
     scene,
+    subject_of,
 )
-from touchstone.reports.studies.calibration.rows import subject_of
 from touchstone.reports.studies.calibration.study import (
     NOTES,
     Requested,

@@ -59,7 +59,7 @@ def compare(
         table_of,
         tolerances,
     )
-    from touchstone.reports.run.without_figures import families
+    from touchstone.reports.run.study import families
     from touchstone.scenarios.files.read import SceneFileError
     from touchstone.scenarios.plural import plural
 
@@ -103,7 +103,7 @@ def measure(runs: Annotated[list[Path], typer.Argument(help="Folders of runs.")]
     from touchstone.reports.changes import RunError, table_of
     from touchstone.reports.results import rows_of
     from touchstone.reports.verdict.failings import FILE, FailingsError, read, write
-    from touchstone.reports.verdict.measure import difference, measured
+    from touchstone.reports.verdict.judge import difference, measured
     from touchstone.scenarios.plural import plural
 
     with options.refusing(RunError, FailingsError):
@@ -129,8 +129,8 @@ def judge(
     from touchstone.reports.changes import RunError
     from touchstone.reports.metrics.oracles import judge_faults
     from touchstone.reports.output_folder import OutputError
-    from touchstone.reports.run.judge_again import judge as judge_again
-    from touchstone.reports.run.without_figures import without_figures
+    from touchstone.reports.run.study import judge as judge_again
+    from touchstone.reports.run.study import without_figures
     from touchstone.reports.views.terminal import report
 
     folder = out or options.folder_of_now("judged-")

@@ -25,15 +25,19 @@ from touchstone.reports.results import rows_of
 from touchstone.reports.runner.request import step_text
 from touchstone.reports.runner.tasks import own_step, played
 from touchstone.reports.studies.calibration.probes import (
+    ALL,
     HEIGHT,
+    JUDGED_SPEED,
     SHAPES,
+    STUDY,
     G,
     Probe,
     ProbeMotion,
     ProbeTask,
     measure,
+    rows_of_engine,
+    subject_of,
 )
-from touchstone.reports.studies.calibration.rows import ALL, JUDGED_SPEED, STUDY, rows_of_engine, subject_of
 from touchstone.reports.studies.study import Column, failure_lines, failures, kept, missing_rows
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import DASHES, DOTS, PALE, axis, by, color_of, grid, rule, save

@@ -16,8 +16,7 @@ from touchstone.reports.studies.stability.play import hard_cell, play_all
 from touchstone.reports.verdict import failings
 from touchstone.reports.verdict.failings import Failing
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.verdict.rows import measured_of
-from touchstone.reports.verdict.unresolved import warning
+from touchstone.reports.verdict.rows import measured_of, warning
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.difficulty.family import hard_scene
 

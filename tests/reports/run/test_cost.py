@@ -13,8 +13,7 @@ from touchstone.reports.cli.options import YesOption, measuring
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run import ratios, study
 from touchstone.reports.runner import request as cost
-from touchstone.reports.runner.reproduce import reproduce
-from touchstone.reports.runner.request import Request, TooLargeError, check_memory, limited
+from touchstone.reports.runner.request import Request, TooLargeError, check_memory, limited, reproduce
 from touchstone.scenarios.catalogue import catalogue
 
 
