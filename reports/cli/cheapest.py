@@ -290,9 +290,7 @@ def lines_to_paste(asked: Asked, found: Found) -> list[str]:
     """Lines that set the best setting in the engine's own API, as in the scripts of `reproduce`."""
     from touchstone.adapters.scripts.process import settings_lines
 
-    several = [
-        settings_lines(scene, asked.engine, [found.candidate.settings])[0] for scene in asked.scenes.values()
-    ]
+    several = [settings_lines(scene, asked.engine, [found.candidate])[0] for scene in asked.scenes.values()]
     return list(dict.fromkeys(line for part in several for line in part))
 
 
