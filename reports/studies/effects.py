@@ -267,17 +267,12 @@ def report(frame: pd.DataFrame) -> list[Part]:
     ]
 
 
-def outcome(row: Row | None) -> str:
-    """Verdict on the outcome in a row: its code."""
-    return "" if row is None else row.reason_code
-
-
 def mark(rows: dict[tuple[str, str, str, str], Row], scenario: str, effect: str) -> str:
     """Mark of the outcome of toggling an effect on the reference."""
     for sign, words in (("-", {MATTERS: "M", WITHIN: "~", IDENTICAL: "="}), ("+", {IDENTICAL: "."})):
         row = rows.get((scenario, REFERENCE, "effects.moved", sign + effect))
         if row is not None:
-            return words.get(outcome(row), "!")
+            return words.get(row.reason_code, "!")
     return "x"
 
 
@@ -293,7 +288,7 @@ def _cells(rows: dict[tuple[str, str, str, str], Row], scenario: str, engine: st
         "" if saved is None else _percent(saved.value),
         "" if saved is None else f"{_percent(saved.low)} to {_percent(saved.high)}",
         _difference(moved),
-        outcome(moved),
+        "" if moved is None else moved.reason_code,
         "" if plan is None else exact_number(1e3 * plan.value),
     ]
 

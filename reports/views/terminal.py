@@ -67,14 +67,11 @@ def overview(frame: pd.DataFrame, shown: Collection[Column] = ()) -> list[Part]:
     ]
     totals = [[" ".join(c), *map(str, _total(scenes.values(), counts.values(), c))] for c in columns]
     remarks = _remarks(rows) + _not_applicable(counts.values())
+    heads = [f"{engine}\n{profile}\n{step} s" for (engine, profile), step in columns.items()]
     return [
-        Part("", ["scene", "unit", *_heads(columns)], figures, OVERVIEW_LEGEND.splitlines(), words=2),
+        Part("", ["scene", "unit", *heads], figures, OVERVIEW_LEGEND.splitlines(), words=2),
         Part("", ["engine", *TOTALS], totals, lines=remarks, wrap=True),
     ]
-
-
-def _heads(columns: Mapping[Column, str]) -> list[str]:
-    return [f"{engine}\n{profile}\n{step} s" for (engine, profile), step in columns.items()]
 
 
 def _section(
@@ -98,7 +95,8 @@ def _section(
     outcome = [text_of(_outcome(rows, column, counts)) for column in columns]
     lines: list[list[str | Text]] = [[], [Text(name, style="bold"), "", *outcome]]
     for metric in kept:
-        cells = (_overview_cell(found[metric].get(column)) for column in columns)
+        mine = found[metric]
+        cells = (cell_of(mine[column]) if column in mine else TableCell("-") for column in columns)
         unit = unit_of(metric)
         lines.append([f"  {metric}", "" if unit == "1" else unit, *map(text_of, cells)])
     return lines
@@ -110,10 +108,6 @@ def _weight(row: Row) -> tuple[int, float]:
         NOT_MET.index(row.verdict) if row.verdict in NOT_MET else -1,
         abs(row.value) if row.value == row.value else 0,
     )
-
-
-def _overview_cell(row: Row | None) -> TableCell:
-    return TableCell("-") if row is None else cell_of(row)
 
 
 def _outcome(rows: list[Row], column: Column, counts: Mapping[Column, Count]) -> TableCell:

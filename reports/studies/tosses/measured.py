@@ -186,8 +186,9 @@ def _checked(box: Box, place: str, name: str, time: Array, position: Array, orie
     upright = np.array(box.half_extents)[np.argmax(np.abs(turned[-1].as_matrix()[2]))]
     lower = np.sort(corners[-1])[:4] / upright
     if np.abs(lower).max() > LEVEL:
+        edges = ", ".join(f"{half:g}" for half in box.half_extents)
         raise RefusedError(
-            f"{place}: sample {len(time) - 1}: a resting box of half edges {_edges(box)} m has its "
+            f"{place}: sample {len(time) - 1}: a resting box of half edges {edges} m has its "
             f"lower corners at z = 0, found {lower[0] * upright:.4g} to {lower[3] * upright:.4g} m: "
             "another body, lengths not in m, a table not at z = 0, or quaternions not wxyz?"
         )
@@ -204,7 +205,3 @@ def _checked(box: Box, place: str, name: str, time: Array, position: Array, orie
             "time not in s, or no free flight?"
         )
     return Toss(name, time - time[0], position, turned, low, rest)
-
-
-def _edges(box: Box) -> str:
-    return ", ".join(f"{half:g}" for half in box.half_extents)

@@ -272,13 +272,11 @@ def errors_of(run: CellRun, truth: TrueMotion) -> dict[str, float]:
         found["friction"] = max(friction)
     if truth.events:
         times = run.values(*EVENTS)
-        apart = [_beyond(times.get(key, inf), *ends) for key, ends in truth.events.items()]
-        found["events"] = max(apart)
+        each = ((times.get(key, inf), *ends) for key, ends in truth.events.items())
+        found["events"] = max(
+            max(0.0, first - time, time - last) if time == time else inf for time, first, last in each
+        )
     return found
-
-
-def _beyond(time: float, first: float, last: float) -> float:
-    return max(0.0, first - time, time - last) if time == time else inf
 
 
 def _energy(run: CellRun, scale: float) -> float | None:
