@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
-from html import escape
 from math import isfinite
 
+from markupsafe import Markup
+
 from touchstone.reports.metrics import METRICS, label
-from touchstone.reports.page.html import Change, Inline, Linked, fold, long_table
+from touchstone.reports.page.html import PARTS, Change, Inline, Linked
 from touchstone.reports.results import Row
 from touchstone.reports.runner.request import reproduce, script_command
 from touchstone.reports.views.matrix import (
@@ -66,93 +66,27 @@ def facts(entry: Entry) -> dict[str, object]:
     return {**head, "facts": [*facts, *others], "command": again}
 
 
-def table(found: Found, columns: Sequence[Column]) -> tuple[str, dict[str, dict[str, object]]]:
+HEADS = ((LIMITS, "met"), *((topic.name, topic.unit) for topic in TOPICS))
+WORST_HEADS = ((LIMITS, ""), *HEADS[1:-1], ("time", "over the fastest"))
+"""Topics with their units."""
+
+
+def table(found: Found, columns: Sequence[Column]) -> tuple[Markup, dict[str, dict[str, object]]]:
     """The matrix as HTML, and the details of its cells by their id."""
-    cells: dict[str, dict[str, object]] = {}
-    body = []
-    for scene, mine in found.items():
-        line = []
-        for topic in (LIMITS, *(topic.name for topic in TOPICS)):
-            for number_of, column in enumerate(columns):
-                edge = " first" if not number_of else ""
-                entry = mine.get((topic, column))
-                if entry is None:
-                    line.append(f'<td class="none{edge}">-</td>')
-                    continue
-                cells[entry.id] = facts(entry)
-                line.append(_cell(entry, edge, topic))
-        link = f'<a href="#scene-{escape(scene, quote=True)}">{escape(scene)}</a>'
-        body.append(f'<tr><th scope="row">{link}</th>{"".join(line)}</tr>')
-    return f'<table class="matrix">{_head(columns)}<tbody>{"".join(body)}</tbody></table>', cells
+    cells = (
+        mine[topic, column]
+        for mine in found.values()
+        for topic, _ in HEADS
+        for column in columns
+        if (topic, column) in mine
+    )
+    return PARTS.matrix(found, columns, HEADS, title), {entry.id: facts(entry) for entry in cells}
 
 
-def worst_part(found: Found, columns: Sequence[Column]) -> str:
+def worst_part(found: Found, columns: Sequence[Column]) -> Markup:
     """A row for each column with its worst scene in each topic; "" where the matrix has one row or column."""
-    if len(found) < 2 or len(columns) < 2:
-        return ""
-    worst, body = worst_of(found, columns), []
-    for column in columns:
-        line = []
-        for topic in (LIMITS, *(topic.name for topic in TOPICS)):
-            entry = worst.get((topic, column))
-            if entry is None:
-                line.append('<td class="none">-</td>')
-                continue
-            if topic == LIMITS:
-                mark = f" <b>{escape(entry.mark)}</b>" if entry.mark else ""
-                value = f'<span class="value">{escape(entry.text)}</span>'
-                line.append(f'<td class="{escape(entry.verdict)} counted">{value}{mark}</td>')
-                continue
-            seen = entry.text != "-" or entry.mark
-            scene = Linked(entry.row.scenario, scene=entry.row.scenario).html if seen else ""
-            line.append(_cell(entry, "", topic, scene))
-        body.append(
-            f'<tr data-engine="{escape(column[0])}"><th scope="row">{_name(column)}</th>{"".join(line)}</tr>'
-        )
-    heads = [
-        ("limits met", ""),
-        *((topic.name, topic.unit) for topic in TOPICS[:-1]),
-        ("time", "over the fastest"),
-    ]
-    names = "".join(f'<th scope="col">{name} <small>{unit}</small></th>' for name, unit in heads)
-    head = f"<thead><tr><td></td>{names}</tr></thead>"
-    table = f'<table class="matrix worst">{head}<tbody>{"".join(body)}</tbody></table>'
-    return f'<section><h2>The worst of each engine</h2><div class="wide">{table}</div></section>'
-
-
-def _name(column: Column) -> str:
-    engine, profile = column
-    return f"{escape(engine)} <small>{escape(profile)}</small>"
-
-
-def _cell(entry: Entry, edge: str, topic: str, scene: str = "") -> str:
-    verdict = entry.verdict or "plain"
-    said = f"{entry.row.scenario}, {entry.row.engine}, {topic}: {entry.text} {entry.mark}".strip()
-    mark = f" <b>{escape(entry.mark)}</b>" if entry.mark else ""
-    apart = entry.text if topic == LIMITS else entry.apart
-    return (
-        f'<td class="{topic} shade{entry.shade} {escape(verdict)}{edge}">'
-        f'<button type="button" data-cell="{escape(entry.id)}" aria-label="{escape(said)}" '
-        f'title="{escape(title(entry))}">'
-        f'<span class="value">{escape(entry.text)}</span><span class="apart">{escape(apart)}</span>{mark}'
-        f"</button>{scene}</td>"
-    )
-
-
-def _head(columns: Sequence[Column]) -> str:
-    counts = Counter(engine for engine, _ in columns)
-    shown = [_name(column) if counts[column[0]] > 1 else escape(column[0]) for column in columns]
-    titles = [escape(profile) for _, profile in columns]
-    names = [f'<th scope="col" title="{p}"><span>{name}</span></th>' for name, p in zip(shown, titles)]
-    heads = [(LIMITS, "met"), *((topic.name, topic.unit) for topic in TOPICS)]
-    groups = "".join(
-        f'<th scope="colgroup" colspan="{len(names)}">{name} <small>{unit}</small></th>'
-        for name, unit in heads
-    )
-    first = [
-        name.replace("<th ", '<th class="first" ', 1) if k == 0 else name for k, name in enumerate(names)
-    ]
-    return f"<thead><tr><td></td>{groups}</tr><tr><td></td>{''.join(first) * len(heads)}</tr></thead>"
+    several = len(found) > 1 and len(columns) > 1
+    return Markup(PARTS.worst(worst_of(found, columns), columns, WORST_HEADS, title) if several else "")
 
 
 SHOWN = 8
@@ -164,7 +98,7 @@ PLACES = 6
 BROKEN = ("fail", "error")
 
 
-def changes_part(changes: Sequence[Change], scenes: Collection[str]) -> str:
+def changes_part(changes: Sequence[Change], scenes: Collection[str]) -> Markup:
     """A table of each kind of change, the gravest first; only that of the first kind is open."""
     kinds = list(dict.fromkeys(change.kind for change in changes))
     parts = []
@@ -175,11 +109,11 @@ def changes_part(changes: Sequence[Change], scenes: Collection[str]) -> str:
             figure = metric_part(one.metric, one.subject)
             rows.append([scene_part(one.scene, scenes), one.engine, figure, one.moved, one.text])
         heads = ("scene", "engine", "figure", "before → after", "")
-        more = f"<p>{len(mine) - MOST} more are stored.</p>" if len(mine) > MOST else ""
+        more = [f"{len(mine) - MOST} more are stored."] if len(mine) > MOST else []
         words = f"{len(mine)} {kind}" if kind == "gone" else plural(len(mine), kind)
-        body = long_table(heads, rows, SHOWN, len(heads)) + more
-        parts.append(fold(words, body, f"changes-{kind}", not number, level=3))
-    return f'<div class="changes">{"".join(parts)}</div>' if parts else ""
+        body = PARTS.long_table(heads, rows, SHOWN, len(heads)) + PARTS.paragraphs(more)
+        parts.append(PARTS.fold(words, body, f"changes-{kind}", not number, level=3))
+    return Markup('<div class="changes">{}</div>').format(Markup("").join(parts)) if parts else Markup("")
 
 
 def scene_part(scene: str, scenes: Collection[str]) -> Linked:
@@ -193,28 +127,28 @@ def metric_part(metric: str, subject: str = "") -> Linked:
     return Linked(f"{label(metric)} {subject}".strip(), f"{metric}: {known.formula}" if known else metric)
 
 
-def broken_part(rows: Iterable[Row], scenes: Collection[str]) -> str:
+def broken_part(rows: Iterable[Row], scenes: Collection[str]) -> Markup:
     """Broken limits and failed runs, open; "" where there are none."""
     broken = [row for row in rows if row.verdict in BROKEN]
     failed = sum(row.verdict == "error" for row in broken)
     words = [(len(broken) - failed, "broken limit"), (failed, "failed run")]
     title = " and ".join(plural(count, word) for count, word in words if count)
-    return fold(title, causes_table(broken, scenes), "broken", True) if broken else ""
+    return Markup(PARTS.fold(title, causes_table(broken, scenes), "broken", True) if broken else "")
 
 
-def known_part(rows: Iterable[Row], scenes: Collection[str]) -> str:
+def known_part(rows: Iterable[Row], scenes: Collection[str]) -> Markup:
     """Known failings, folded away; "" where there are none."""
     known = [row for row in rows if row.verdict == "known"]
     title = plural(len(known), "known failing")
-    return fold(title, causes_table(known, scenes), "failings") if known else ""
+    return Markup(PARTS.fold(title, causes_table(known, scenes), "failings") if known else "")
 
 
-def causes_table(rows: Iterable[Row], scenes: Collection[str]) -> str:
+def causes_table(rows: Iterable[Row], scenes: Collection[str]) -> Markup:
     """Rows that miss a limit: one line per metric, engine and cause, with its worst place, the others, and a
     command."""
     lines = [_line(found, scenes) for found in by_cause(rows)]
     heads = ("", "engine", "figure", "worst in", "value", "limit", "also in", "why", "measure it again")
-    return long_table(heads, lines, SHOWN, len(heads))
+    return Markup(PARTS.long_table(heads, lines, SHOWN, len(heads)))
 
 
 def _line(found: Sequence[Row], scenes: Collection[str]) -> list[Inline]:
@@ -253,9 +187,3 @@ def valued(row: Row) -> tuple[str, str]:
 def _joined(value: str, unit: str) -> str:
     """Value and unit that no line break parts."""
     return f"{value}\N{NO-BREAK SPACE}{unit}" if unit else value
-
-
-def remarks(rows: Iterable[Row]) -> str:
-    """Why runs of a scene did not take place or ended early."""
-    lines = [f"{row.verdict}: {row.engine} {row.profile}: {row.reason}" for row in rows]
-    return "".join(f"<p class=remark>{escape(line)}</p>" for line in lines)

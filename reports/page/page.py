@@ -7,12 +7,12 @@ import hashlib
 import json
 import zlib
 from collections.abc import Mapping
-from html import escape
 from importlib.resources import files
-from string import Template
+
+from markupsafe import Markup
 
 from touchstone.reports.page import charts, matrix, sections
-from touchstone.reports.page.html import Content, fold, rows_by_scene
+from touchstone.reports.page.html import PARTS, TEMPLATES, Content, rows_by_scene
 from touchstone.reports.page.playback import ALARM
 from touchstone.reports.page.sections import studies_part
 from touchstone.reports.results import Row, rows_of
@@ -46,6 +46,7 @@ def page(content: Content) -> str:
     columns = content.columns()
     found = {scene: entries(rows, columns) for scene, rows in scenes.items()}
     table, cells = matrix.table(found, columns)
+    rows = rows_of(content.frame)
     style, script = _asset("page.css") + _colors(), _asset("player.js") + _asset("page.js")
     policy = (
         f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; img-src data:; "
@@ -57,45 +58,38 @@ def page(content: Content) -> str:
         sections.measured_part(content),
         sections.charts_part(content),
         sections.nights_part(content),
-        fold("Hard cases and studies", studies, "studies") if studies else "",
-        *(_scene_parts(content, scenes) if scenes else ()),
-        fold("Machine, program and command", sections.identity_part(content), "identity"),
+        PARTS.fold("Hard cases and studies", studies, "studies") if studies else "",
+        *(_scene_parts(content, rows, scenes) if scenes else ()),
+        PARTS.fold("Machine, program and command", sections.identity_part(content), "identity"),
     ]
-    return Template(_asset("page.html")).substitute(
+    return TEMPLATES.get_template("page.html").render(
         policy=policy,
         style=style,
         script=script,
-        title=escape(content.title),
+        title=content.title,
         level=content.level,
-        verdict=escape(content.verdict),
+        verdict=content.verdict,
         changes=matrix.changes_part(content.changes, scenes),
-        broken=matrix.broken_part(rows_of(content.frame), scenes),
+        broken=matrix.broken_part(rows, scenes),
         worst=matrix.worst_part(found, columns),
-        matrix=_matrix(table) if scenes else "",
-        playback=_player(playback) if playback else "",
-        parts="".join(parts),
+        matrix=table if scenes else "",
+        scale=SCALE,
+        legend=LEGEND.splitlines(),
+        playback=playback,
+        alarm=f"{1e3 * ALARM:g} mm",
+        parts=Markup("").join(parts),
         cells=_data({"cells": cells, "colors": charts.colors()}),
         scenes=_data(playback),
     )
 
 
-def _scene_parts(content: Content, scenes: dict[str, list[Row]]) -> tuple[str, ...]:
+def _scene_parts(content: Content, rows: list[Row], scenes: dict[str, list[Row]]) -> tuple[str, ...]:
     return (
-        matrix.known_part(rows_of(content.frame), scenes),
-        fold("Where the reference loses", sections.reference_loses(content.frame, scenes), "loses"),
+        matrix.known_part(rows, scenes),
+        PARTS.fold("Where the reference loses", sections.reference_loses(content.frame, scenes), "loses"),
         sections.scene_parts(content, scenes),
-        fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
+        PARTS.fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
     )
-
-
-def _matrix(table: str) -> str:
-    legend = "".join(f"<p>{escape(line)}</p>" for line in LEGEND.splitlines())
-    return Template(_asset("matrix.html")).substitute(scale=escape(SCALE), legend=legend, matrix=table)
-
-
-def _player(playback: Mapping[str, str]) -> str:
-    names = "".join(f"<option>{escape(scene)}</option>" for scene in playback)
-    return Template(_asset("player.html")).substitute(options=names, alarm=f"{1e3 * ALARM:g} mm")
 
 
 def _data(record: object) -> str:

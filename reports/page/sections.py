@@ -1,16 +1,16 @@
-"""Parts of a page below its first screen, as HTML. Everything that comes from data is escaped."""
+"""Parts of a page below its first screen, as HTML."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from html import escape
 
 import pandas as pd
+from markupsafe import Markup
 
 from touchstone.reports.metrics import label
 from touchstone.reports.page import charts
-from touchstone.reports.page.html import Content, Inline, figure, fold, long_table, part_body, plain_table
-from touchstone.reports.page.matrix import SHOWN, metric_part, remarks, scene_part, valued
+from touchstone.reports.page.html import PARTS, Content, Inline, part_body
+from touchstone.reports.page.matrix import SHOWN, metric_part, scene_part, valued
 from touchstone.reports.results import NOT_RUN, Row, rows_of
 from touchstone.reports.runner.request import REFERENCE, reproduce
 from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
@@ -25,17 +25,17 @@ MOST = 60
 """Rows of a study that are listed."""
 
 
-def studies_part(frame: pd.DataFrame) -> str:
+def studies_part(frame: pd.DataFrame) -> Markup:
     """All studies of the long table `frame`, as HTML."""
     parts = []
     for study in dict.fromkeys(frame.study):
         rows = rows_of(frame[frame.study == study])
         title, body = ("hard cases", _hard(rows)) if study == HARD else (str(study), _counts(rows))
-        parts.append(f"<h3>{escape(title)}</h3>{body}")
-    return "".join(parts)
+        parts.append(Markup("<h3>{}</h3>{}").format(title, body))
+    return Markup("").join(parts)
 
 
-def _hard(rows: list[Row]) -> str:
+def _hard(rows: list[Row]) -> Markup:
     columns = list(dict.fromkeys((row.engine, row.profile) for row in rows))
     found = {(row.scenario, row.engine, row.profile): row for row in rows}
     survived = sum(row.reason.partition(":")[0] in SURVIVED for row in rows)
@@ -45,18 +45,17 @@ def _hard(rows: list[Row]) -> str:
         lines.append([scene, *(_class(cell) for cell in cells)])
     seen = {_class(row) for row in rows}
     words = "; ".join(f"{name}: {text}" for name, text in CLASSES.items() if name in seen)
-    return (
-        f"<p>{survived} of {len(rows)} hard cases survived. <code>touchstone run SCENE --engine NAME</code> "
-        f"plays one.</p>{plain_table(('case', *(' '.join(one) for one in columns)), lines, len(columns) + 1)}"
-        f"<p>{escape(words)}</p>"
-    )
+    said = f"{survived} of {len(rows)} hard cases survived."
+    plays = Markup(" <code>touchstone run SCENE --engine NAME</code> plays one.")
+    cases = PARTS.table(("case", *map(" ".join, columns)), lines, len(columns) + 1)
+    return Markup(PARTS.paragraphs([said + plays]) + cases + PARTS.paragraphs([words]))
 
 
 def _class(row: Row | None) -> str:
     return "-" if row is None else row.reason.partition(":")[0]
 
 
-def _counts(rows: list[Row]) -> str:
+def _counts(rows: list[Row]) -> Markup:
     judged = [row for row in rows if row.verdict]
     remarks = [row for row in judged if row.verdict in REMARKS]
     counts = pd.Series([row.verdict for row in judged]).value_counts()
@@ -67,9 +66,9 @@ def _counts(rows: list[Row]) -> str:
         for row in remarks[:MOST]
     ]  # fmt: skip
     heads = ("verdict", "scene", "engine", "figure", "value", "reason")
-    listed = plain_table(heads, lines, 6) if lines else ""
-    rest = f"<p>{len(remarks) - MOST} more.</p>" if len(remarks) > MOST else ""
-    return f"<p>{plural(len(rows), 'figure')}; {text or 'none is judged'}.</p>{listed}{rest}"
+    said = PARTS.paragraphs([f"{plural(len(rows), 'figure')}; {text or 'none is judged'}."])
+    rest = [f"{len(remarks) - MOST} more."] if len(remarks) > MOST else []
+    return Markup(said + (PARTS.table(heads, lines, 6) if lines else "") + PARTS.paragraphs(rest))
 
 
 CHARTS: tuple[tuple[str, str, float, float], ...] = (
@@ -84,42 +83,41 @@ MOST_TABLES = 1_000_000
 """Characters of tables of scenes in full: with MOST_PLAYBACK, a page stays under 5 MB."""
 
 
-def charts_part(content: Content) -> str:
+def charts_part(content: Content) -> Markup:
     """Charts over all scenes; "" where there is nothing to compare: with few scenes the matrix says it."""
     columns = content.first_columns()
     if len(columns) < 2 or content.frame.scenario.nunique() < charts.LEAST_SCENES:
-        return ""
+        return Markup("")
     drawn = {"Work and precision: left and low is better": charts.work_precision(content.frame, columns)}
     for metric, title, factor, floor in CHARTS:
         drawn[label(metric)] = charts.dots(content.frame, columns, metric, factor, title, floor)
-    parts = [figure(title, svg) for title, svg in drawn.items() if svg]
-    return fold("Charts", f'<div class="charts">{"".join(parts)}</div>', "charts", True) if parts else ""
+    return Markup(PARTS.fold("Charts", PARTS.charts(drawn), "charts", True) if any(drawn.values()) else "")
 
 
-def published_part(content: Content) -> str:
+def published_part(content: Content) -> Markup:
     """Published values with their sources, and what was measured; "" where the scenes state none."""
     part = content.published
-    return fold(part.title, part_body(part), "published", True) if part.rows else ""
+    return Markup(PARTS.fold(part.title, part_body(part), "published", True) if part.rows else "")
 
 
-def measured_part(content: Content) -> str:
+def measured_part(content: Content) -> Markup:
     """Measured motions with their picture, and how far engines are from them; "" where none was played."""
     part = content.measured
     if not part.rows:
-        return ""
-    drawn = figure("", f'<img alt="{escape(part.title)}" src="data:image/png;base64,{content.picture}">')
-    return fold(part.title, drawn * bool(content.picture) + part_body(part), "measured", True)
+        return Markup("")
+    picture = Markup('<img alt="{}" src="data:image/png;base64,{}">').format(part.title, content.picture)
+    drawn = PARTS.figure("", picture) if content.picture else Markup("")
+    return Markup(PARTS.fold(part.title, drawn + part_body(part), "measured", True))
 
 
-def nights_part(content: Content) -> str:
+def nights_part(content: Content) -> Markup:
     """Times over nights, folded away: a table of few nights, charts of more."""
-    drawn = "".join(figure(title, svg) for title, svg in content.history.items())
-    body = f'<div class="charts">{drawn}</div>' if drawn else ""
+    body = PARTS.charts(content.history) if content.history else Markup("")
     body += part_body(content.times)
-    return fold("Times over nights", body, "nights") if body else ""
+    return Markup(PARTS.fold("Times over nights", body, "nights") if body else "")
 
 
-def scene_parts(content: Content, scenes: Mapping[str, Sequence[Row]]) -> str:
+def scene_parts(content: Content, scenes: Mapping[str, Sequence[Row]]) -> Markup:
     """A fold for every scene: all links to scenes have their target. Tables are in full up to MOST_TABLES
     characters; those of later scenes have the figures that miss a limit."""
     parts, size = [], 0
@@ -127,10 +125,12 @@ def scene_parts(content: Content, scenes: Mapping[str, Sequence[Row]]) -> str:
         part = _scene(content, scene, rows, True)
         size += len(part)
         parts.append(part if size <= MOST_TABLES else _scene(content, scene, rows, False))
-    return f'<section class="scenes"><h2>Figures of each scene</h2>{"".join(parts)}</section>'
+    return Markup('<section class="scenes"><h2>Figures of each scene</h2>{}</section>').format(
+        Markup("").join(parts)
+    )
 
 
-def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str:
+def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> Markup:
     """Metrics of one scene in every column that played: all, or those that miss a limit."""
     cells = grid(content.frame, scene)
     heads = ["metric", "unit", *(f"{engine} {profile} {step} s" for engine, profile, step in cells.heads)]
@@ -139,25 +139,28 @@ def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> str
         for metric, subject, unit, line in cells.rows
         if full or any(cell.verdict in MARKS for cell in line)
     ]
-    text = remarks(r for r in rows if r.metric == "run" and r.verdict in (*NOT_RUN, "error", "known"))
-    apart = "".join(f"<p>{escape(line)}</p>" for line in headlines(rows))
-    play = ""
-    if scene in content.playback:
-        play = f'<p><button type="button" data-play="{escape(scene)}">Play this scene</button></p>'
-    summary = f"<p>{escape(content.summaries.get(scene, ''))}</p>"
-    drawn = figure(FORCES, content.forces[scene]) if scene in content.forces else ""
-    rest = "" if full else "<p>Figures that miss a limit; the command prints all.</p>"
-    again = f"<p class=again><code>touchstone run {escape(scene)}</code></p>"
-    body = (
-        summary + apart + play + text + drawn + rest + (plain_table(heads, lines, 2) if lines else "") + again
+    body = PARTS.scene(
+        scene,
+        summary=content.summaries.get(scene, ""),
+        apart=headlines(rows),
+        playable=scene in content.playback,
+        remarks=[
+            f"{row.verdict}: {row.engine} {row.profile}: {row.reason}"
+            for row in rows
+            if row.metric == "run" and row.verdict in (*NOT_RUN, "error", "known")
+        ],
+        drawn=content.forces.get(scene, ""),
+        full=full,
+        table=PARTS.table(heads, lines, 2) if lines else "",
+        forces=FORCES,
     )
-    return fold(scene, body, f"scene-{scene}", level=3)
+    return Markup(PARTS.fold(scene, body, f"scene-{scene}", level=3))
 
 
-def reference_loses(frame: pd.DataFrame, scenes: Collection[str]) -> str:
+def reference_loses(frame: pd.DataFrame, scenes: Collection[str]) -> Markup:
     """Scenes and metrics in which another engine does better than the reference."""
     if not (frame.engine == REFERENCE).any():
-        return "<p>The reference did not play.</p>"
+        return Markup("<p>The reference did not play.</p>")
     lines: list[list[Inline]] = []
     for metric, loss in ((metric, loss) for lost in losses(frame).values() for metric, loss in lost.items()):
         mine, best = loss.first, loss.best
@@ -165,10 +168,12 @@ def reference_loses(frame: pd.DataFrame, scenes: Collection[str]) -> str:
         texts = (valued(mine)[0], valued(best)[0], best.engine, ratio, reproduce(mine, best))
         lines.append([scene_part(mine.scenario, scenes), metric_part(metric, mine.subject), *texts])
     heads = ["scene", "figure", "reference", "best other", "engine", "ratio", "command"]
-    return long_table(heads, lines, SHOWN, 7) if lines else "<p>In no figure of these scenes.</p>"
+    if not lines:
+        return Markup("<p>In no figure of these scenes.</p>")
+    return Markup(PARTS.long_table(heads, lines, SHOWN, 7))
 
 
-def settings_part(settings: Mapping[str, Mapping[str, object]]) -> str:
+def settings_part(settings: Mapping[str, Mapping[str, object]]) -> Markup:
     """What each engine simulated with, read back from it: one table per engine and profile, by scene."""
     groups: dict[str, dict[str, dict[str, str]]] = {}
     for key, facts in settings.items():
@@ -189,11 +194,11 @@ def settings_part(settings: Mapping[str, Mapping[str, object]]) -> str:
                 values.setdefault(facts.get(name, "-"), []).append(scene)
             several = "; ".join(f"{value} ({', '.join(where)})" for value, where in values.items())
             rows.append([name, next(iter(values)) if len(values) == 1 else several])
-        parts.append(f"<h3>{escape(head)}</h3>{plain_table(['setting', 'value'], rows, 2)}")
-    return "".join(parts) or "<p>None.</p>"
+        parts.append(Markup("<h3>{}</h3>{}").format(head, PARTS.table(["setting", "value"], rows, 2)))
+    return Markup("").join(parts) or Markup("<p>None.</p>")
 
 
-def identity_part(content: Content) -> str:
+def identity_part(content: Content) -> Markup:
     """Machine, program, libraries and command."""
     rows = [[name, value] for name, value in content.identity]
-    return plain_table(["", ""], [*rows, ["command", content.command]], 2)
+    return Markup(PARTS.table(["", ""], [*rows, ["command", content.command]], 2))
