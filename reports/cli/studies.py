@@ -359,7 +359,7 @@ def relations(
     scenes = [find(name if name in valid else options.known("scenario", name, catalogue())) for name in names]
     scenes = scenes or module.default_scenes()
     columns = options.columns_for(engine, profile, options.USUAL)
-    return StudyRequest.of(module, len(module.tasks(columns, scenes)), columns, scenes)
+    return StudyRequest.of(module, len(module.tasks_of(scenes, columns)), columns, scenes)
 
 
 @studied("parity")

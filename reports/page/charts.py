@@ -182,8 +182,12 @@ def force_chart(scenario: Scenario, courses: Mapping[Column, Course]) -> str:
     for pair in pairs:
         lines = alt.Chart(_points(courses, pair)).mark_line(strokeWidth=1.3)
         panel = lines.encode(x=span, y=alt.Y("force:Q", title="force [N]"), color=color)
-        if truths := _truths(scenario, pair):
-            rule = alt.Chart(pd.DataFrame(truths)).mark_rule(strokeDash=[5, 4], color=INK)
+        truths = [t for t in scenario.forces if t.quantity == "force" and t.is_of(pair)]
+        if truths:
+            table = pd.DataFrame(
+                [(t.start, t.end, t.value) for t in truths], columns=["start", "end", "force"]
+            )
+            rule = alt.Chart(table).mark_rule(strokeDash=[5, 4], color=INK)
             panel += rule.encode(x="start:Q", x2="end:Q", y="force:Q")
         panels.append(panel.properties(width=WIDTH, height=HEIGHT, title=pair))
     return DECIMAL.sub(r"\1", svg_of(alt.vconcat(*panels)))
@@ -200,11 +204,3 @@ def _points(courses: Mapping[Column, Course], pair: str) -> pd.DataFrame:
         kept[1:-1] &= (force[:-2] != 0) | (force[1:-1] != 0) | (force[2:] != 0)
         parts.append(pd.DataFrame({"time": course.time[kept], "force": force[kept], "engine": engine}))
     return pd.concat(parts)
-
-
-def _truths(scenario: Scenario, pair: str) -> list[dict[str, float]]:
-    return [
-        {"start": truth.start, "end": truth.end, "force": truth.value}
-        for truth in scenario.forces
-        if truth.quantity == "force" and truth.is_of(pair)
-    ]

@@ -255,6 +255,17 @@ class DaskPool:
 
 TASKS_MOST = 64
 """Largest number of tasks of an array."""
+SCRIPT = """\
+#!/bin/bash
+# {cells} cells in {tasks} tasks; finished cells are skipped, so the job may be sent again.
+#SBATCH --job-name=touchstone-sweep
+#SBATCH --array=0-{last}
+#SBATCH --ntasks=1
+#SBATCH --cpus-per-task=1
+#SBATCH --output=touchstone-sweep-%A_%a.txt
+set -euo pipefail
+exec {command} --jobs 1 --quiet --part "$SLURM_ARRAY_TASK_ID/{tasks}"
+"""
 
 
 class PartError(ValueError):
@@ -270,20 +281,7 @@ def script(arguments: Sequence[str], cells: int) -> str:
     """
     tasks = max(1, min(cells, TASKS_MOST))
     command = shlex.join(["touchstone", "sweep", *arguments])
-    return "\n".join(
-        [
-            "#!/bin/bash",
-            f"# {cells} cells in {tasks} tasks; finished cells are skipped, so the job may be sent again.",
-            "#SBATCH --job-name=touchstone-sweep",
-            f"#SBATCH --array=0-{tasks - 1}",
-            "#SBATCH --ntasks=1",
-            "#SBATCH --cpus-per-task=1",
-            "#SBATCH --output=touchstone-sweep-%A_%a.txt",
-            "set -euo pipefail",
-            f'exec {command} --jobs 1 --quiet --part "$SLURM_ARRAY_TASK_ID/{tasks}"',
-            "",
-        ]
-    )
+    return SCRIPT.format(cells=cells, tasks=tasks, last=tasks - 1, command=command)
 
 
 def part_of(cells: Sequence[Cell], text: str) -> list[Cell]:

@@ -54,16 +54,12 @@ def reproduce(
     else:
         options.write_file(out, lambda part: part.write_text(text, "utf-8"))
     same = "to the bit" if found.apart == 0 else f"up to {found.apart:.2g} m"
-    for line in (
-        []
-        if quiet
-        else [
-            *(f"misses {line}" for line in found.missed),
-            f"{out or 'the script'}: {plural(len(text.splitlines()), 'line')}, "
-            f"needs {found.script.requirement}; prints the positions of the recording {same}",
-        ]
-    ):
-        print(line, file=sys.stderr)
+    if not quiet:
+        for line in found.missed:
+            print(f"misses {line}", file=sys.stderr)
+        needs = f"{plural(len(text.splitlines()), 'line')}, needs {found.script.requirement}"
+        said = f"{out or 'the script'}: {needs}; prints the positions of the recording {same}"
+        print(said, file=sys.stderr)
     if not found.apart < EQUAL:
         options.stop(
             f"{chosen.name}: the script is {found.apart:.2g} m from the recording", options.LIMIT_BROKEN
@@ -78,17 +74,10 @@ that are computed in another order."""
 def settings_for(scenario: Scenario, engine: str, profile: str, dt: str, changes: list[str]) -> Settings:
     """Settings of one column; a wrong argument exits with one line."""
     from touchstone.adapters.contract import Settings
-    from touchstone.adapters.recorder import substeps
     from touchstone.adapters.registry import ENGINES, changes_of
 
     profiles = ENGINES[engine].profiles
     chosen = options.known("profile", profile, profiles) if profile else next(iter(profiles))
-    step = profiles[chosen]
-    if dt:
-        try:
-            step = options.step_of(dt)
-            substeps(scenario, step)
-        except ValueError as error:
-            options.stop(f"--dt {' '.join(dt.split())}: {error}")
+    step = options.step_for(dt, [scenario]) if dt else profiles[chosen]
     texts = options.changes_for([(engine, chosen)], changes)
     return Settings(chosen, step, changes_of(engine, chosen, texts))
