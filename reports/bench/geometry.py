@@ -26,12 +26,13 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered, Stretch, measure
-from touchstone.reports.studies.narrow_phase.poses import corners, size_of
 from touchstone.reports.studies.narrow_phase.study import (
     Mask,
     PairTruth,
+    corners,
     depth_errors,
     facts_of,
+    size_of,
     with_median,
     with_ratio,
 )

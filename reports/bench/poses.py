@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.detectors import REFERENCE, Pair, load
-from touchstone.reports.studies.narrow_phase.poses import corners, elliptic, parted_pair, random_box
+from touchstone.reports.studies.narrow_phase.study import corners, elliptic, parted_pair, random_box
 from touchstone.scenarios.avatar.driven_poses import driven_pieces, moved
 from touchstone.scenarios.avatar.hand import FINGERS, hand_parts
 from touchstone.scenarios.materials import TABLE_1

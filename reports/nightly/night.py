@@ -32,8 +32,8 @@ from touchstone.reports.progress import SCENE, STUDY, Progress
 from touchstone.reports.results import COLUMNS, Row, rows_of, table, write_beside
 from touchstone.reports.run.study import measure_scene
 from touchstone.reports.runner.request import Request, Results, columns_of, step_text
+from touchstone.reports.studies import calibration as calibration
 from touchstone.reports.studies import predictability, relations, robustness
-from touchstone.reports.studies.calibration import study as calibration
 from touchstone.reports.studies.stability import play
 from touchstone.reports.studies.stability import study as stability
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SURVIVED

@@ -92,7 +92,7 @@ def history_charts(history: pd.DataFrame, nights: Mapping[int, Night]) -> dict[s
         ours, others = own[own.engine == REFERENCE], own[own.engine != REFERENCE]
         for name, series in (("reference", ours), ("engines", others)):
             if series.sequence.nunique() >= charts.LEAST_NIGHTS:
-                drawn[f"{scene}, {name}"] = charts.nights(series, "", "median frame [µs]")
+                drawn[f"{scene}, {name}"] = charts.nights(series, "median frame [µs]")
     return drawn
 
 

@@ -123,14 +123,8 @@ def work_precision(frame: pd.DataFrame, columns: Sequence[Column]) -> str:
     return svg_of(chart.properties(width=WIDTH, height=320))
 
 
-def nights(
-    history: pd.DataFrame, title: str, unit: str, steps: Mapping[str, pd.Timestamp] | None = None
-) -> str:
-    """A series per engine over nights: columns `night`, `engine`, `value` [unit].
-
-    Args:
-        steps: label -> night at which a confirmed step begins.
-    """
+def nights(history: pd.DataFrame, unit: str) -> str:
+    """A series per engine over nights: columns `night`, `engine`, `value` [unit]."""
     marks = looks(dict.fromkeys(history.engine))
     base = alt.Chart(history).encode(
         x=alt.X("night:T", title=None),
@@ -140,12 +134,7 @@ def nights(
     layers = base.mark_line(strokeWidth=1.4) + base.mark_point(filled=True, size=16).encode(
         shape=marks["shape"], tooltip=["night:T", "engine", alt.Tooltip("value:Q", format=".4g")]
     )
-    if steps:
-        found = pd.DataFrame({"night": list(steps.values()), "label": list(steps)})
-        marks = alt.Chart(found).encode(x="night:T")
-        layers += marks.mark_rule(strokeDash=[4, 3], color="#CC3311")
-        layers += marks.mark_text(align="left", dx=4, y=8, color="#CC3311").encode(text="label:N")
-    return svg_of(layers.properties(width=WIDTH, height=150, title=title))
+    return svg_of(layers.properties(width=WIDTH, height=150))
 
 
 MOST_PAIRS = 3

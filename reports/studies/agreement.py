@@ -41,8 +41,7 @@ from touchstone.reports.studies.work_precision.definitions import (
     TRUTH_PROFILE,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.errors import errors_of
-from touchstone.reports.studies.work_precision.points import SweptRuns
+from touchstone.reports.studies.work_precision.points import SweptRuns, errors_of
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number

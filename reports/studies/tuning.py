@@ -26,8 +26,14 @@ from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.studies.study import RefusedError
 from touchstone.reports.studies.work_precision.cheapest import TIME, MeasuredSetting, cheapest, rated
 from touchstone.reports.studies.work_precision.definitions import QUANTITIES, truth_cells
-from touchstone.reports.studies.work_precision.errors import TrueMotion, errors_of
-from touchstone.reports.studies.work_precision.points import SweptRuns, band, reproduce, timing_cell
+from touchstone.reports.studies.work_precision.points import (
+    SweptRuns,
+    TrueMotion,
+    band,
+    errors_of,
+    reproduce,
+    timing_cell,
+)
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario
 

@@ -16,8 +16,7 @@ from touchstone.reports.runner.tasks import Task
 from touchstone.reports.studies import agreement, study
 from touchstone.reports.studies.agreement import LADDER, Trajectory, order_of, report, run
 from touchstone.reports.studies.work_precision import definitions
-from touchstone.reports.studies.work_precision.errors import CellRun
-from touchstone.reports.studies.work_precision.points import SweptRuns
+from touchstone.reports.studies.work_precision.points import CellRun, SweptRuns
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 

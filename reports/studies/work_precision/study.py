@@ -34,8 +34,7 @@ from touchstone.reports.studies.work_precision.definitions import (
     measured_cells,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.errors import BAND
-from touchstone.reports.studies.work_precision.points import fronts, ladder, points, timing_cell
+from touchstone.reports.studies.work_precision.points import BAND, fronts, ladder, points, timing_cell
 from touchstone.reports.views.pictures import NOTHING, PALE, ends, grid, log_axis, looks, rule, save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import catalogue

@@ -30,7 +30,7 @@ from touchstone.reports.bench.poses import (
 )
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
-from touchstone.reports.studies.narrow_phase.poses import corners
+from touchstone.reports.studies.narrow_phase.study import corners
 from touchstone.reports.verdict.judge import judged
 
 OTHER, ABSENT = "coal", "absent"

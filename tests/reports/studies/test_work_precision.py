@@ -24,16 +24,19 @@ from touchstone.reports.studies.work_precision.definitions import (
     scenes,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.errors import (
+from touchstone.reports.studies.work_precision.points import (
+    COLUMNS,
     CellRun,
     Code,
     band_of,
+    deficit,
     distance,
     errors_of,
+    fronts,
     outside,
+    pareto,
     truth_of,
 )
-from touchstone.reports.studies.work_precision.points import COLUMNS, deficit, fronts, pareto
 from touchstone.reports.studies.work_precision.study import StudyCells, draw
 from touchstone.scenarios.catalogue import catalogue
 

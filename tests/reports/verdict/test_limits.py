@@ -15,7 +15,7 @@ from touchstone.reports.bench.scaling import BALLS, BROAD_PHASE, VERTICES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
 from touchstone.reports.studies import effects, robustness
-from touchstone.reports.studies.calibration.probes import ALL, LARGEST, SHAPES, SLOW
+from touchstone.reports.studies.calibration import ALL, LARGEST, SHAPES, SLOW
 from touchstone.reports.studies.inverse_kinematics import CCD, MEASURED, SOLVERS, STARTS
 from touchstone.reports.studies.predictability import ERROR
 from touchstone.reports.verdict import limits as module
