@@ -48,7 +48,7 @@ def cheapest(
     from touchstone.reports.runner.store import StoreError
     from touchstone.reports.studies.work_precision.cheapest import cheapest as find
     from touchstone.reports.studies.work_precision.cheapest import missing_quantities, settings_of_scene
-    from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+    from touchstone.reports.studies.work_precision.points import QUANTITIES
     from touchstone.reports.studies.work_precision.study import StudyCells, measure
     from touchstone.scenarios.catalogue import catalogue
 
@@ -86,7 +86,7 @@ def cheapest(
 def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
     """Limits by quantity [SI]; a wrong one exits with one line."""
     from touchstone.reports.studies.work_precision.cheapest import TIME, ToleranceError, tolerance
-    from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+    from touchstone.reports.studies.work_precision.points import QUANTITIES
 
     with options.refusing(ToleranceError):
         limits = {
@@ -156,7 +156,7 @@ def words_of(setting: MeasuredSetting) -> str:
 def margins(setting: MeasuredSetting, limits: Mapping[str, float]) -> str:
     """Each error beside its limit."""
     from touchstone.reports.studies.work_precision.cheapest import TIME
-    from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+    from touchstone.reports.studies.work_precision.points import QUANTITIES
     from touchstone.reports.studies.work_precision.study import number
 
     parts = []
@@ -316,7 +316,7 @@ def tuned_lines(asked: Asked, found: Found, pasted: list[str]) -> list[str]:
 def compared(one: MeasuredSetting, best: MeasuredSetting, limits: Mapping[str, float]) -> str:
     """Errors and time of a setting, and over those of the best."""
     from touchstone.reports.studies.work_precision.cheapest import TIME
-    from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+    from touchstone.reports.studies.work_precision.points import QUANTITIES
     from touchstone.reports.studies.work_precision.study import number
 
     if not isfinite(one.excess):

@@ -25,9 +25,14 @@ def docs(
 ) -> None:
     """Write the generated pages of the documentation: commands, lists, measurements, stills."""
     from touchstone.adapters.contract import AdapterError
-    from touchstone.reports.docs.engines import engines_page
     from touchstone.reports.docs.measurements import NoResults, page_of
-    from touchstone.reports.docs.reference import EFFECTS, commands_page, list_pages, settings_pages
+    from touchstone.reports.docs.reference import (
+        EFFECTS,
+        commands_page,
+        engines_page,
+        list_pages,
+        settings_pages,
+    )
     from touchstone.reports.results import write_beside
     from touchstone.scenarios.catalogue import tagged
 

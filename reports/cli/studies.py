@@ -284,7 +284,7 @@ def work_precision(
     """Measure error over wall time of every engine and setting: what accuracy costs."""
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies.work_precision import study as module
-    from touchstone.reports.studies.work_precision.definitions import scenes
+    from touchstone.reports.studies.work_precision.points import scenes
 
     names = [scene.name for scene in scenes_named(scenario or scenes(quick))]
     engines = options.engines_named(engine or ENGINES)

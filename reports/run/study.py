@@ -29,7 +29,7 @@ from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STU
 from touchstone.reports.verdict.judge import judged_in, lost
 from touchstone.reports.verdict.limits import Limit
 from touchstone.reports.verdict.rows import excused, measured_of
-from touchstone.reports.views.comparison_pictures import draw
+from touchstone.reports.views.comparison import draw
 from touchstone.reports.views.frame_budget import BUDGET_PICTURE, write_picture
 from touchstone.reports.views.markdown import report
 from touchstone.scenarios.plural import plural

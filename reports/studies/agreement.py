@@ -35,13 +35,14 @@ from touchstone.reports.runner.request import step_text
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.runner.tasks import PROCESSES, Task, own_profile, own_settings, own_step, played
 from touchstone.reports.studies.study import RefusedError, failures, kept, missing_rows
-from touchstone.reports.studies.work_precision.definitions import (
+from touchstone.reports.studies.work_precision.points import (
     FINER,
     REFERENCE,
     TRUTH_PROFILE,
+    SweptRuns,
+    errors_of,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.points import SweptRuns, errors_of
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number

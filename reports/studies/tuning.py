@@ -25,14 +25,15 @@ from touchstone.reports.runner.measures import closed_path
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.studies.study import RefusedError
 from touchstone.reports.studies.work_precision.cheapest import TIME, MeasuredSetting, cheapest, rated
-from touchstone.reports.studies.work_precision.definitions import QUANTITIES, truth_cells
 from touchstone.reports.studies.work_precision.points import (
+    QUANTITIES,
     SweptRuns,
     TrueMotion,
     band,
     errors_of,
     reproduce,
     timing_cell,
+    truth_cells,
 )
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario

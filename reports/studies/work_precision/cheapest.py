@@ -8,7 +8,7 @@ from math import inf
 
 import pandas as pd
 
-from touchstone.reports.studies.work_precision.definitions import QUANTITIES
+from touchstone.reports.studies.work_precision.points import QUANTITIES
 from touchstone.scenarios.avatar.number_checks import number_of
 
 UNITS = {

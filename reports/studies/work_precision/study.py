@@ -23,18 +23,22 @@ from touchstone.reports.runner.content_hash import hash_of
 from touchstone.reports.runner.executors import InTurns
 from touchstone.reports.runner.request import step_text
 from touchstone.reports.runner.sweep import sweep
-from touchstone.reports.studies.work_precision.definitions import (
+from touchstone.reports.studies.work_precision.points import (
+    BAND,
     QUANTITIES,
     QUICK_LADDER,
     QUICK_REPEATS,
     REFERENCE,
     REPEATS,
     STUDY,
+    fronts,
+    ladder,
     ladder_cells,
     measured_cells,
+    points,
+    timing_cell,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.points import BAND, fronts, ladder, points, timing_cell
 from touchstone.reports.views.pictures import NOTHING, PALE, ends, grid, log_axis, looks, rule, save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import catalogue

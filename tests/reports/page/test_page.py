@@ -23,8 +23,7 @@ from touchstone.reports.page.page import MOST_PLAYBACK, page, within_budget
 from touchstone.reports.page.playback import INT16
 from touchstone.reports.results import Row, table
 from touchstone.reports.runner.request import Request, Results
-from touchstone.reports.views.comparison import FORCE_PICTURE, force_panels
-from touchstone.reports.views.comparison_pictures import draw_forces
+from touchstone.reports.views.comparison import FORCE_PICTURE, draw_forces, force_panels
 from touchstone.reports.views.markdown import report
 from touchstone.reports.views.matrix import verdict_of
 from touchstone.scenarios.catalogue import catalogue

@@ -15,26 +15,24 @@ from touchstone.reports.studies.work_precision.cheapest import (
     settings_of_scene,
     tolerance,
 )
-from touchstone.reports.studies.work_precision.definitions import (
-    QUANTITIES,
-    changes,
-    ladder_cells,
-    measured_cells,
-    profiles_of,
-    scenes,
-    truth_cells,
-)
 from touchstone.reports.studies.work_precision.points import (
     COLUMNS,
+    QUANTITIES,
     CellRun,
     Code,
     band_of,
+    changes,
     deficit,
     distance,
     errors_of,
     fronts,
+    ladder_cells,
+    measured_cells,
     outside,
     pareto,
+    profiles_of,
+    scenes,
+    truth_cells,
     truth_of,
 )
 from touchstone.reports.studies.work_precision.study import StudyCells, draw
