@@ -18,13 +18,22 @@ from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.knobs import Choice, Numbers, Range, Setting, split
 from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, settings_of
+from touchstone.adapters.scripts.process import settings_lines
 from touchstone.reports.progress import Progress
 from touchstone.reports.runner.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
 from touchstone.reports.runner.executors import Executor, InTurns
 from touchstone.reports.runner.measures import closed_path
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.work_precision.cheapest import TIME, MeasuredSetting, cheapest, rated
+from touchstone.reports.studies.work_precision.cheapest import (
+    TIME,
+    MeasuredSetting,
+    cheapest,
+    margins,
+    rated,
+    setting_row,
+    words_of,
+)
 from touchstone.reports.studies.work_precision.points import (
     QUANTITIES,
     SweptRuns,
@@ -35,7 +44,9 @@ from touchstone.reports.studies.work_precision.points import (
     timing_cell,
     truth_cells,
 )
+from touchstone.reports.studies.work_precision.study import number
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario
 
 FACTORS = (0.1, 0.25, 0.5, 2.0, 4.0, 10.0)
@@ -246,9 +257,9 @@ class Search:
         self._play(first, scenes)
         self._check(first)
         pool = self._tried(self.space.first(self._rng)[: max(len(first), asked.plays // 2)], self._some(0))
-        for number in range(1, ROUNDS + 1):
-            names, count = self._some(number), (asked.plays - len(self._known)) // (ROUNDS + 1 - number)
-            kept = pool[: max(1, len(pool) // 2)][: max(2, asked.plays // 2 ** (number + 1))]
+        for round_ in range(1, ROUNDS + 1):
+            names, count = self._some(round_), (asked.plays - len(self._known)) // (ROUNDS + 1 - round_)
+            kept = pool[: max(1, len(pool) // 2)][: max(2, asked.plays // 2 ** (round_ + 1))]
             pool = self._tried([*kept, *self._new(kept, count)], names)
         tried = len(self._known)
         finalists = self._tried(pool[: 2 * FINALISTS], scenes)[:FINALISTS]
@@ -415,3 +426,67 @@ def sources_of(name: str) -> tuple[str, str]:
 def _same(one: MeasuredSetting, other: MeasuredSetting) -> bool:
     keys = ("profile", "settings", "dt")
     return all(getattr(one, key) == getattr(other, key) for key in keys)
+
+
+def cost_lines(asked: Asked) -> list[str]:
+    """What is about to be played."""
+    seconds = sum(scenario.duration for scenario in asked.scenes.values())
+    search = Search(asked, lambda label, cells: None)
+    truths, plays = len(search.truths), max(asked.plays, len(search.space.profiles()))
+    also = f", {plural(truths, 'play')} of the reference for what is true" if truths else ""
+    scenes = (
+        f"{len(asked.scenes)} scenes" if len(asked.scenes) > 1 else next(iter(asked.scenes.values())).name
+    )
+    return [
+        f"tune {scenes} on {asked.engine}: {plays} settings of {seconds:g} simulated seconds{also}; "
+        f"Ctrl-C keeps what was played in {asked.store}"
+    ]
+
+
+def lines_to_paste(asked: Asked, found: Found) -> list[str]:
+    """Lines that set the best setting in the engine's own API, as in the scripts of `reproduce`."""
+    several = [settings_lines(scene, asked.engine, [found.candidate])[0] for scene in asked.scenes.values()]
+    return list(dict.fromkeys(line for part in several for line in part))
+
+
+def tuned_lines(asked: Asked, found: Found, pasted: list[str]) -> list[str]:
+    """The answer as text."""
+    best = found.best
+    head = "best" if found.met else "no setting reaches the limits; nearest"
+    every = "" if found.tried >= asked.plays else ", all that differ"
+    text = [f"{head} of {found.tried} settings{every}: {words_of(best)}"]
+    text += [f"  {margins(best, asked.limits)}", "to paste:"]
+    text += [f"  {line}" for line in pasted]
+    if found.ablation:
+        text.append("what each setting does, put back to the default:")
+        text += [f"  {what}: {compared(one, best, asked.limits)}" for what, one in found.ablation.items()]
+    text.append("profiles as they are:")
+    text += [f"  {words_of(one)}; {margins(one, asked.limits)}" for one in found.profiles]
+    text.append(f"again: {best.command}")
+    if len(asked.scenes) == 1:
+        text.append(f"as a script: {best.command.replace('touchstone run', 'touchstone reproduce')}")
+    return text
+
+
+def compared(one: MeasuredSetting, best: MeasuredSetting, limits: Mapping[str, float]) -> str:
+    """Errors and time of a setting, and over those of the best."""
+    if not isfinite(one.excess):
+        return "does not play to the end, or lets bodies pass through each other"
+    parts = []
+    for name in [*(name for name in limits if name != TIME), TIME]:
+        value, other = (s.time if name == TIME else s.errors[name] for s in (one, best))
+        unit = "s" if name == TIME else QUANTITIES[name].unit
+        ratio = f" ({value / other:.3g} times)" if other else ""
+        parts.append(f"{name} {number(value, unit)}{ratio}")
+    return "; ".join(parts)
+
+
+def tuned_rows(asked: Asked, found: Found, pasted: list[str]) -> list[dict[str, object]]:
+    """The best setting, its ablation and the profiles, a row each (`setting_row`)."""
+    places = [("best" if found.met else "nearest", found.best), *found.ablation.items()]
+    places += [("profile", one) for one in found.profiles]
+    return [
+        setting_row(place, one, asked.limits, excess=one.excess if isfinite(one.excess) else None)
+        | {"paste": "\n".join(pasted) if one is found.best else ""}
+        for place, one in places
+    ]

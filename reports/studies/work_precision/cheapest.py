@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isfinite
 
 import pandas as pd
 
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.studies.work_precision.points import QUANTITIES
+from touchstone.reports.studies.work_precision.study import number
 from touchstone.scenarios.avatar.number_checks import number_of
 
 UNITS = {
@@ -155,3 +157,69 @@ def _ratio(value: float, limit: float) -> float:
 def missing_quantities(table: pd.DataFrame, limits: Mapping[str, float]) -> list[str]:
     """Quantities of the limits that no setting of the scene has."""
     return [name for name in limits if name in QUANTITIES and name not in set(table.quantity)]
+
+
+def answer_rows(answer: Answer, limits: dict[str, float]) -> list[dict[str, object]]:
+    """The settings of the answer, the cheapest first, each with its place."""
+    places: tuple[tuple[str, tuple[MeasuredSetting | None, ...]], ...] = (
+        ("cheapest" if answer.met else "nearest miss", (answer.best,)),
+        ("cannot tell apart", answer.tied),
+        ("runner-up" if answer.met else "next", (answer.runner_up,)),
+        ("next engine", (answer.other_engine,)),
+    )
+    found: dict[tuple[object, ...], dict[str, object]] = {}
+    for place, settings in places:
+        for one in settings:
+            if one is None:
+                continue
+            key = (one.engine, one.profile, one.settings, one.dt)
+            found.setdefault(key, setting_row(place, one, limits))
+    return list(found.values())
+
+
+def setting_row(
+    place: str, one: MeasuredSetting, limits: Mapping[str, float], **more: object
+) -> dict[str, object]:
+    """A setting with its place, `more`, times [s], errors and limits [SI], and the command that plays it. An
+    infinite error, such as that of a passage, is None: JSON has none."""
+    row: dict[str, object] = {"place": place, "engine": one.engine, "profile": one.profile}
+    row |= {"settings": one.settings, "dt": one.dt, **more}
+    row |= {"time": one.time, "time_low": one.time_low, "time_high": one.time_high}
+    errors = {name: one.errors[name] for name in limits if name in one.errors}
+    row |= {f"error {name}": value if isfinite(value) else None for name, value in errors.items()}
+    return row | {f"limit {name}": limit for name, limit in limits.items()} | {"command": one.command}
+
+
+def answer_lines(answer: Answer, limits: dict[str, float]) -> list[str]:
+    """The answer as text."""
+    best, second = answer.best, answer.runner_up
+    cheapest = "cannot tell apart" if answer.tied else "cheapest"
+    head = cheapest if answer.met else "nothing measured meets all; nearest miss"
+    found = [f"{head}: {words_of(best)}", f"  {margins(best, limits)}"]
+    found += [f"and: {words_of(one)}" for one in answer.tied]
+    if second is not None and second not in answer.tied:
+        ratio = f", {second.time / best.time:.3g} times the time" if answer.met else ""
+        found.append(f"{'runner-up' if answer.met else 'next'}: {words_of(second)}{ratio}")
+    if (other := answer.other_engine) is not None and other not in (second, *answer.tied):
+        found.append(f"next engine: {words_of(other)}, {other.time / best.time:.3g} times the time")
+    return [*found, f"again: {best.command}"]
+
+
+def words_of(setting: MeasuredSetting) -> str:
+    """A setting and its time, with the range of the rounds."""
+    label = f"{setting.engine} {setting.profile} {setting.settings}".strip()
+    low, high = number(setting.time_low, "s"), number(setting.time_high, "s")
+    return f"{label} at {step_text(setting.dt)} s: {number(setting.time, 's')} a frame ({low} to {high})"
+
+
+def margins(setting: MeasuredSetting, limits: Mapping[str, float]) -> str:
+    """Each error beside its limit."""
+    parts = []
+    for name, limit in limits.items():
+        value = setting.time if name == TIME else setting.errors[name]
+        unit = "s" if name == TIME else QUANTITIES[name].unit
+        over = "" if value <= limit else f", {value / limit:.3g} times too much" if limit else ", too much"
+        if name == TIME and (setting.time_low <= limit) != (setting.time_high <= limit):
+            over += ", within noise"
+        parts.append(f"{name} {number(value, unit)} of {number(limit, unit)}{over}")
+    return "; ".join(parts)

@@ -11,9 +11,8 @@ import typer
 
 from touchstone.reports.changes import NEEDED
 from touchstone.reports.cli import main
-from touchstone.reports.cli.cheapest import rows
 from touchstone.reports.results import Row, save, table
-from touchstone.reports.studies.work_precision.cheapest import Answer, MeasuredSetting
+from touchstone.reports.studies.work_precision.cheapest import Answer, MeasuredSetting, answer_rows
 from touchstone.scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
@@ -328,7 +327,7 @@ def test_the_cheapest_setting_is_read_by_programs():
 
     one, two = setting("reference", 1.0, 1e-6), setting("mujoco", 2.0, 1e-4)
     three = setting("bullet", 3.0, float("inf"))
-    found = rows(Answer(True, one, two, three, (two,)), {"overlap": 1e-3})
+    found = answer_rows(Answer(True, one, two, three, (two,)), {"overlap": 1e-3})
     assert [(row["place"], row["engine"]) for row in found] == [
         ("cheapest", "reference"),
         ("cannot tell apart", "mujoco"),

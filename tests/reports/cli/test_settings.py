@@ -16,9 +16,8 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.knobs import Choice
 from touchstone.adapters.registry import ENGINES, changes_of, installed, missing_reason, settings_of
 from touchstone.reports.cli.challenge import settings_file
-from touchstone.reports.cli.cheapest import cost_lines, tuned_lines
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.tuning import Asked, Search, Space, values_of
+from touchstone.reports.studies.tuning import Asked, Search, Space, cost_lines, tuned_lines, values_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.write import scene_toml
 
