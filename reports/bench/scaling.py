@@ -27,7 +27,7 @@ from touchstone.adapters.engines.reference.box_cloud import Cloud
 from touchstone.adapters.recorder import frame_seconds, undisturbed
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
 from touchstone.adapters.workers.pool import Ended, EngineProcess, Loader
-from touchstone.reports.bench.poses import hull_slide
+from touchstone.reports.bench.geometry import hull_slide
 from touchstone.reports.bootstrap import exponent, median_interval
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from touchstone.reports.cli import options
-from touchstone.reports.cli.scenes.chosen import AllowPathsOption, scenarios_for
+from touchstone.reports.cli.scenes import AllowPathsOption, scenarios_for
 
 if TYPE_CHECKING:
     from touchstone.scenarios.scenario import Scenario

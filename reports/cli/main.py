@@ -20,19 +20,20 @@ from touchstone.reports.cli.guard import guarded
 from touchstone.reports.cli.nightly import accept, nightly
 from touchstone.reports.cli.own_environments import env
 from touchstone.reports.cli.own_environments import install as install_environments
-from touchstone.reports.cli.runs.stored import compare, failings, judge, tolerances, view
-from touchstone.reports.cli.runs.versions import versions
-from touchstone.reports.cli.scenes.chosen import (
+from touchstone.reports.cli.runs import compare, failings, judge, tolerances, versions, view
+from touchstone.reports.cli.scenes import (
     AllowPathsOption,
     LimitsOption,
+    check_robot,
+    export,
+    import_robot,
     limits_for,
     metrics_for,
+    reproduce,
     scenarios_for,
     scene_notes,
+    schema,
 )
-from touchstone.reports.cli.scenes.exporting import export, schema
-from touchstone.reports.cli.scenes.reproducing import reproduce
-from touchstone.reports.cli.scenes.robots import check_robot, import_robot
 from touchstone.reports.cli.studies import bench, reality, study
 from touchstone.reports.cli.sweep import soak, sweep
 from touchstone.reports.progress import Progress, stepping_aside
@@ -195,9 +196,8 @@ def run(
         print(line, file=sys.stderr)
     lacking = without_figures(request.metrics, results)
     if not options.printed(results.frame, output) and not quiet and not lacking:
+        from touchstone.reports.views.findings import losses_part, published_part
         from touchstone.reports.views.first_screen import first_screen
-        from touchstone.reports.views.losses import losses_part
-        from touchstone.reports.views.published import published_part
         from touchstone.reports.views.render import console, print_parts
         from touchstone.reports.views.terminal import budget_parts, report
 

@@ -18,8 +18,8 @@ from touchstone.reports.page.html import Change, Content
 from touchstone.reports.page.page import page
 from touchstone.reports.results import rows_of, write_beside
 from touchstone.reports.runner.request import REFERENCE, STUDY, reproduce
+from touchstone.reports.views.findings import published_part
 from touchstone.reports.views.matrix import BAD, GOOD, WARN, verdict_of
-from touchstone.reports.views.published import published_part
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue

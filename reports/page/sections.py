@@ -14,7 +14,7 @@ from touchstone.reports.page.matrix import SHOWN, metric_part, scene_part, value
 from touchstone.reports.results import NOT_RUN, Row, rows_of
 from touchstone.reports.runner.request import REFERENCE, reproduce
 from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
-from touchstone.reports.views.losses import losses
+from touchstone.reports.views.findings import losses
 from touchstone.reports.views.tables import MARKS, exact_number, grid, headlines
 from touchstone.scenarios.plural import plural
 

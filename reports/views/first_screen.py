@@ -10,7 +10,7 @@ from rich.text import Text
 
 from touchstone.reports.results import NOT_RUN, Row, rows_of
 from touchstone.reports.runner.request import reproduce
-from touchstone.reports.views.losses import loss_rows
+from touchstone.reports.views.findings import loss_rows
 from touchstone.reports.views.matrix import (
     LIMITS,
     TOPICS,

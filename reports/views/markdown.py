@@ -23,9 +23,8 @@ from touchstone.reports.views.comparison import (
     sections,
     worst_lines,
 )
+from touchstone.reports.views.findings import losses_part, published_part
 from touchstone.reports.views.frame_budget import budget_part
-from touchstone.reports.views.losses import losses_part
-from touchstone.reports.views.published import published_part
 from touchstone.reports.views.render import Part, markdown
 from touchstone.reports.views.tables import (
     APART,

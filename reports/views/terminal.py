@@ -13,8 +13,8 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
 from touchstone.reports.runner.request import script_command
 from touchstone.reports.verdict.judge import WORST_LAST, Count, counted
+from touchstone.reports.views.findings import losses_part
 from touchstone.reports.views.frame_budget import budget_part
-from touchstone.reports.views.losses import losses_part
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import (
     APART,

@@ -21,7 +21,7 @@ from touchstone.reports.views.comparison import (
     sections,
     worst_lines,
 )
-from touchstone.reports.views.losses import HEADS, loss_rows, scene_lines, unmeasured_lines
+from touchstone.reports.views.findings import HEADS, loss_rows, scene_lines, unmeasured_lines
 from touchstone.reports.views.markdown import report
 from touchstone.reports.views.pictures import INK, color_of, detector_color, marker_of
 from touchstone.scenarios.catalogue import catalogue

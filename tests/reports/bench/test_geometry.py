@@ -19,13 +19,16 @@ from touchstone.adapters.detectors import (
 )
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench import geometry
-from touchstone.reports.bench.geometry import MOTION, Amount, queries, rows_of_bench
-from touchstone.reports.bench.poses import (
+from touchstone.reports.bench.geometry import (
     FAMILIES,
+    MOTION,
     STEP,
     TOUCH_DEPTH,
+    Amount,
     hand_slide,
     hull_slide,
+    queries,
+    rows_of_bench,
     spread_vertices,
 )
 from touchstone.reports.results import COLUMNS

@@ -9,8 +9,7 @@ import pytest
 
 from touchstone.adapters.detectors import DETECTORS
 from touchstone.adapters.registry import ENGINES, OPTIONAL_ENGINES
-from touchstone.reports.bench.geometry import MOTION
-from touchstone.reports.bench.poses import FAMILIES
+from touchstone.reports.bench.geometry import FAMILIES, MOTION
 from touchstone.reports.bench.scaling import BALLS, BROAD_PHASE, VERTICES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
