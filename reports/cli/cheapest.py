@@ -41,15 +41,16 @@ def cheapest(
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.docs.listing import show_rows
     from touchstone.reports.runner.store import StoreError
-    from touchstone.reports.studies.work_precision.cheapest import (
+    from touchstone.reports.studies.work_precision.points import QUANTITIES
+    from touchstone.reports.studies.work_precision.study import (
+        StudyCells,
         answer_lines,
         answer_rows,
+        measure,
         missing_quantities,
         settings_of_scene,
     )
-    from touchstone.reports.studies.work_precision.cheapest import cheapest as find
-    from touchstone.reports.studies.work_precision.points import QUANTITIES
-    from touchstone.reports.studies.work_precision.study import StudyCells, measure
+    from touchstone.reports.studies.work_precision.study import cheapest as find
     from touchstone.scenarios.catalogue import catalogue
 
     scene = catalogue()[options.known("scenario", scenario, catalogue())]
@@ -85,8 +86,8 @@ def cheapest(
 
 def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
     """Limits by quantity [SI]; a wrong one exits with one line."""
-    from touchstone.reports.studies.work_precision.cheapest import TIME, ToleranceError, tolerance
     from touchstone.reports.studies.work_precision.points import QUANTITIES
+    from touchstone.reports.studies.work_precision.study import TIME, ToleranceError, tolerance
 
     with options.refusing(ToleranceError):
         limits = {
@@ -134,7 +135,7 @@ def tune(
     from touchstone.reports.runner.store import StoreError
     from touchstone.reports.studies import tuning
     from touchstone.reports.studies.study import RefusedError
-    from touchstone.reports.studies.work_precision.cheapest import TIME, margins
+    from touchstone.reports.studies.work_precision.study import TIME, margins
 
     if not engine:
         options.stop("tune: name the engine whose settings are searched, such as --engine mujoco")

@@ -60,7 +60,7 @@ def imports() -> list[tuple[str, str, str]]:
     the message is the version if the import succeeded."""
     from touchstone.adapters.registry import available
     from touchstone.adapters.workers.import_check import try_imports
-    from touchstone.reports.metrics.oracles import judge_faults
+    from touchstone.reports.metrics.context import judge_faults
     from touchstone.reports.results import UNJUDGED
 
     rows = [(name, one.status, one.text) for name, one in try_imports(available()).items()]

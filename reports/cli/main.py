@@ -140,7 +140,7 @@ def run(
 ) -> None:
     """Play scenes, of the catalogue or of files (.toml, .json, .py), and show where engines differ."""
     from touchstone.adapters.contract import DRIVES
-    from touchstone.reports.metrics.oracles import judge_faults
+    from touchstone.reports.metrics.context import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.study import run as run_study
     from touchstone.reports.run.study import without_figures

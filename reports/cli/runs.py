@@ -133,7 +133,7 @@ def judge(
 ) -> None:
     """Judge the recordings of an earlier run with today's metrics and limits."""
     from touchstone.reports.changes import RunError
-    from touchstone.reports.metrics.oracles import judge_faults
+    from touchstone.reports.metrics.context import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.study import judge as judge_again
     from touchstone.reports.run.study import without_figures

@@ -68,7 +68,7 @@ def _tell(lines: Iterable[str]) -> None:
 def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
     """One line per tracker that holds its last valid sample, per path that leaves its keyframes, and per
     scene in which bodies overlap at the start."""
-    from touchstone.reports.metrics.oracles import judge_faults
+    from touchstone.reports.metrics.context import judge_faults
     from touchstone.scenarios.avatar.tracking import swings
 
     measures = not judge_faults()
@@ -411,7 +411,7 @@ def _import(  # type: ignore[no-untyped-def]
 ) -> None:
     from touchstone.adapters.robots.robot_error import RobotError
     from touchstone.adapters.robots.robot_scene import imported
-    from touchstone.reports.metrics.oracles import judge_faults
+    from touchstone.reports.metrics.context import judge_faults
     from touchstone.scenarios.files.read import NAME
     from touchstone.scenarios.files.write import scene_json, scene_toml
     from touchstone.scenarios.plural import plural

@@ -25,15 +25,6 @@ from touchstone.reports.runner.executors import Executor, InTurns
 from touchstone.reports.runner.measures import closed_path
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.work_precision.cheapest import (
-    TIME,
-    MeasuredSetting,
-    cheapest,
-    margins,
-    rated,
-    setting_row,
-    words_of,
-)
 from touchstone.reports.studies.work_precision.points import (
     QUANTITIES,
     SweptRuns,
@@ -44,7 +35,16 @@ from touchstone.reports.studies.work_precision.points import (
     timing_cell,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.study import number
+from touchstone.reports.studies.work_precision.study import (
+    TIME,
+    MeasuredSetting,
+    cheapest,
+    margins,
+    number,
+    rated,
+    setting_row,
+    words_of,
+)
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario

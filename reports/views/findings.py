@@ -1,4 +1,4 @@
-"""Findings over all scenes of a run: where the reference loses, that is figures in which an engine does better,
+"""Findings over all scenes of a run: where the reference loses, figures in which an engine does better,
 and what others published, beside what the reference and each engine give."""
 
 from __future__ import annotations

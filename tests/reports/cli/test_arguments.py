@@ -12,7 +12,7 @@ import typer
 from touchstone.reports.changes import NEEDED
 from touchstone.reports.cli import main
 from touchstone.reports.results import Row, save, table
-from touchstone.reports.studies.work_precision.cheapest import Answer, MeasuredSetting, answer_rows
+from touchstone.reports.studies.work_precision.study import Answer, MeasuredSetting, answer_rows
 from touchstone.scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")

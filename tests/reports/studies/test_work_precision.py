@@ -5,16 +5,8 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.registry import installed, load
-from touchstone.reports.cli.cheapest import lines
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.executors import play_cell
-from touchstone.reports.studies.work_precision.cheapest import (
-    TIME,
-    MeasuredSetting,
-    cheapest,
-    settings_of_scene,
-    tolerance,
-)
 from touchstone.reports.studies.work_precision.points import (
     COLUMNS,
     QUANTITIES,
@@ -35,7 +27,16 @@ from touchstone.reports.studies.work_precision.points import (
     truth_cells,
     truth_of,
 )
-from touchstone.reports.studies.work_precision.study import StudyCells, draw
+from touchstone.reports.studies.work_precision.study import (
+    TIME,
+    MeasuredSetting,
+    StudyCells,
+    answer_lines,
+    cheapest,
+    draw,
+    settings_of_scene,
+    tolerance,
+)
 from touchstone.scenarios.catalogue import catalogue
 
 WAY = np.linspace(0, 1, 11)[:, None, None] * np.array([1.0, 0.0, 0.0])
@@ -296,7 +297,7 @@ def test_times_that_overlap_have_no_winner():
 
     def answered(*times, limits):
         known = [setting(k, one) for k, one in enumerate(times, start=1)]
-        return lines(cheapest(known, limits), limits)
+        return answer_lines(cheapest(known, limits), limits)
 
     limits = {"position": 1e-3}
     apart = answered((20, 19, 21), (30, 25, 40), limits=limits)
