@@ -131,8 +131,8 @@ def tune(
     """
     from touchstone.adapters.contract import AdapterError
     from touchstone.reports.docs.listing import show_rows
-    from touchstone.reports.runner.executors import ClusterError, DaskPool
     from touchstone.reports.runner.store import StoreError
+    from touchstone.reports.runner.sweep import ClusterError, DaskPool
     from touchstone.reports.studies import tuning
     from touchstone.reports.studies.study import RefusedError
     from touchstone.reports.studies.work_precision.study import TIME, margins

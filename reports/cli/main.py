@@ -197,9 +197,8 @@ def run(
     lacking = without_figures(request.metrics, results)
     if not options.printed(results.frame, output) and not quiet and not lacking:
         from touchstone.reports.views.findings import losses_part, published_part
-        from touchstone.reports.views.first_screen import first_screen
         from touchstone.reports.views.render import console, print_parts
-        from touchstone.reports.views.terminal import budget_parts, report
+        from touchstone.reports.views.terminal import budget_parts, first_screen, report
 
         if in_full:
             parts = [losses_part(results.frame)] if at_once else report(results.frame)

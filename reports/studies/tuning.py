@@ -21,9 +21,8 @@ from touchstone.adapters.registry import ENGINES, settings_of
 from touchstone.adapters.scripts.process import settings_lines
 from touchstone.reports.progress import Progress
 from touchstone.reports.runner.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
-from touchstone.reports.runner.executors import Executor, InTurns
 from touchstone.reports.runner.measures import closed_path
-from touchstone.reports.runner.sweep import sweep
+from touchstone.reports.runner.sweep import Executor, InTurns, sweep
 from touchstone.reports.studies.study import RefusedError
 from touchstone.reports.studies.work_precision.points import (
     QUANTITIES,

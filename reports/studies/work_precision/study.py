@@ -20,9 +20,8 @@ from touchstone.reports.progress import Progress, quietly
 from touchstone.reports.results import illustrate, save_manifest, write_beside
 from touchstone.reports.runner.cells import ACCURACY, Cell
 from touchstone.reports.runner.content_hash import hash_of
-from touchstone.reports.runner.executors import InTurns
 from touchstone.reports.runner.request import step_text
-from touchstone.reports.runner.sweep import sweep
+from touchstone.reports.runner.sweep import InTurns, sweep
 from touchstone.reports.studies.work_precision.points import (
     BAND,
     QUANTITIES,

@@ -6,7 +6,7 @@ import pytest
 
 from touchstone.adapters.registry import installed, load
 from touchstone.reports.runner.cells import Cell
-from touchstone.reports.runner.executors import play_cell
+from touchstone.reports.runner.sweep import play_cell
 from touchstone.reports.studies.work_precision.points import (
     COLUMNS,
     QUANTITIES,
