@@ -19,21 +19,11 @@ from touchstone.reports.bench.scaling import (
     resting_balls,
     rows_of_curves,
 )
-from touchstone.reports.output_folder import OutputError
 from touchstone.reports.progress import quietly
 from touchstone.reports.results import Row, table
 from touchstone.reports.verdict import limits
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.limits import Limit
-
-
-@pytest.mark.parametrize("name", BENCHES)
-def test_a_full_folder_is_refused(name: str, tmp_path: Path) -> None:
-    """Keep what is there, before anything is measured."""
-    (tmp_path / "mine").touch()
-    with pytest.raises(OutputError, match="not an empty folder"):
-        load(name).run(tmp_path, quietly)
-    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
 @pytest.mark.parametrize("name", BENCHES)

@@ -1,6 +1,5 @@
 """`bench geometry` on tiny sizes and on times known in advance: complete rows, exact ratios, honest poses."""
 
-import json
 from math import nan
 from pathlib import Path
 
@@ -83,20 +82,6 @@ def test_geometry_skips_what_is_missing(measured, shown) -> None:
     reason = "not installed (pip install no_such_package)"
     assert absent[["metric", "verdict", "reason"]].to_numpy().tolist() == [["run", "missing", reason]]
     assert f"missing: absent: {reason}" in shown(geometry.report(rows))
-
-
-def test_geometry_leaves_a_whole_folder(measured) -> None:
-    """Leave table, manifest and the children's output, and nothing beside the folder."""
-    rows, folder, _ = measured
-    pd.testing.assert_frame_equal(pd.read_parquet(folder / "results.parquet"), rows)
-    assert {path.name for path in folder.iterdir()} == {
-        *("results.parquet", "results.csv", "manifest.json", "output")
-    }
-    assert [path.name for path in folder.parent.iterdir()] == ["out"]
-    manifest = json.loads((folder / "manifest.json").read_text())
-    assert (manifest["pairs"], manifest["frames"]) == (2, 3)
-    assert set(manifest["detectors"]) == {REFERENCE, OTHER, ABSENT}
-    assert "processor" in manifest["machine"]
 
 
 def test_geometry_shows_every_ratio(measured, shown) -> None:

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import typer
 
+from touchstone.reports.bench import BENCHES
 from touchstone.reports.changes import NEEDED
 from touchstone.reports.cli import main
 from touchstone.reports.results import Row, save, table
@@ -166,6 +167,7 @@ WRONG = [
     ("study narrow-phase --pairs 9 --out full", "--out full: exists and is not an empty folder"),
     ("study agreement fall --out full", "--out full: exists and is not an empty folder"),
     ("study ik --goals 0", "--goals 0: expected at least 1"),
+    *((f"bench {name} --out full", "--out full: exists and is not an empty folder") for name in BENCHES),
 ]
 """Command -> how its line begins; `full` is a folder with a file."""
 
