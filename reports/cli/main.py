@@ -15,11 +15,10 @@ from touchstone.reports.cli import options
 from touchstone.reports.cli.challenge import challenge
 from touchstone.reports.cli.cheapest import cheapest, tune
 from touchstone.reports.cli.docs import docs
-from touchstone.reports.cli.doctor import check_engine, doctor
+from touchstone.reports.cli.doctor import check_engine, doctor, env
+from touchstone.reports.cli.doctor import install as install_environments
 from touchstone.reports.cli.guard import guarded
 from touchstone.reports.cli.nightly import accept, nightly
-from touchstone.reports.cli.own_environments import env
-from touchstone.reports.cli.own_environments import install as install_environments
 from touchstone.reports.cli.runs import compare, failings, judge, tolerances, versions, view
 from touchstone.reports.cli.scenes import (
     AllowPathsOption,

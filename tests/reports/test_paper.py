@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.contract import AdapterError
-from touchstone.reports.docs.measurements import page_of
+from touchstone.reports.docs.reference import page_of
 from touchstone.reports.progress import quietly
 from touchstone.reports.studies import paper
 from touchstone.reports.studies.paper import (
