@@ -10,7 +10,6 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader
 from markupsafe import Markup
 
-from touchstone.reports.results import Row, rows_of
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import Column, first_columns
 
@@ -111,11 +110,3 @@ class Content:
     def first_columns(self) -> list[Column]:
         """The first column of each engine: its own profile."""
         return first_columns(self.columns())
-
-
-def rows_by_scene(frame: pd.DataFrame) -> dict[str, list[Row]]:
-    """Rows of each scene, in the order of the run."""
-    found: dict[str, list[Row]] = {}
-    for row in rows_of(frame):
-        found.setdefault(row.scenario, []).append(row)
-    return found

@@ -24,10 +24,9 @@ from touchstone.reports.page.html import (
     Inline,
     Linked,
     part_body,
-    rows_by_scene,
 )
 from touchstone.reports.page.playback import ALARM
-from touchstone.reports.results import NOT_RUN, Row, rows_of
+from touchstone.reports.results import NOT_RUN, Row, by_scene, rows_of
 from touchstone.reports.runner.request import REFERENCE, reproduce, script_command
 from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
 from touchstone.reports.views.findings import losses
@@ -418,12 +417,12 @@ def within_budget(playback: Mapping[str, str]) -> dict[str, str]:
 
 def page(content: Content) -> str:
     """The whole page."""
-    scenes = rows_by_scene(content.frame)
+    rows = rows_of(content.frame)
+    scenes = by_scene(rows)
     playback = within_budget(content.playback)
     columns = content.columns()
     found = {scene: entries(rows, columns) for scene, rows in scenes.items()}
     table, cells = matrix_table(found, columns)
-    rows = rows_of(content.frame)
     style, script = _asset("page.css") + _colors(), _asset("player.js") + _asset("page.js")
     policy = (
         f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; img-src data:; "

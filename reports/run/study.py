@@ -1,4 +1,7 @@
-"""The study `run`: simulate scenes on engines, judge the recordings, and store all results in one folder."""
+"""The study `run`: simulate scenes on engines, judge the recordings, and store all results in one folder.
+
+Recordings of an earlier run are judged again; where no run has a figure of a metric, it is said why.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The request of a run, and its results."""
+"""The request of a run, its results, and the command that shows a row again."""
 
 from __future__ import annotations
 

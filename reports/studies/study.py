@@ -1,4 +1,5 @@
-"""What all studies share beside their tasks (`tasks.py`): the folder of results, and failures as lines."""
+"""What all studies share beside their tasks (`tasks.py`): the folder of results, texts of cells,
+and failures as lines."""
 
 from __future__ import annotations
 

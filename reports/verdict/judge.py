@@ -3,7 +3,8 @@
 With noisy trackers physical laws keep their limits; limits that follow from the ideal tracker do not apply.
 With explicit torques, what only these cause is the harness' failing.
 
-Number of a scene's limits that each column meets, out of the same number for every column.
+Number of a scene's limits that each column meets, out of the same number for every column; and the sizes of
+known failings, measured from tables of runs.
 
 A metric counts once, by its worst subject. A metric that is judged in one column but not in another does not
 apply in the other, with a reason; not applicable is not a pass.

@@ -1,4 +1,5 @@
-"""Rows of all metrics of a recording, with the audits' rejections and the scene's expectations."""
+"""Rows of all metrics of a recording, with the audits' rejections and the scene's expectations; and the
+warning of a run whose solver left contacts or time unresolved."""
 
 from __future__ import annotations
 

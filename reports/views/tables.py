@@ -1,4 +1,7 @@
-"""The table of one scene: rows are metrics, columns are engines. Terminal and report share its cells."""
+"""The table of one scene: rows are metrics, columns are engines. Terminal and report share its cells.
+
+The bodies that are farthest apart between two columns, in words.
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
+from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, by_scene, rows_of
 from touchstone.reports.runner.request import reproduce, script_command
 from touchstone.reports.verdict.judge import WORST_LAST, Count, counted
 from touchstone.reports.views.findings import loss_rows, losses_part
@@ -71,9 +71,7 @@ def overview(frame: pd.DataFrame, shown: Collection[Column] = ()) -> list[Part]:
     ]
     rows = [row for row in rows if not shown or (row.engine, row.profile) in shown]
     columns = columns_of(rows)
-    scenes: dict[str, list[Row]] = {}
-    for row in rows:
-        scenes.setdefault(row.scenario, []).append(row)
+    scenes = by_scene(rows)
     counts = {name: counted(part, list(columns)) for name, part in scenes.items()}
     figures = [
         line for name, part in scenes.items() for line in _section(name, part, list(columns), counts[name])
@@ -371,9 +369,7 @@ NOTE_OF_WORST = "each figure with the scene in which it is worst; page and --det
 def first_screen(frame: pd.DataFrame, folder: Path) -> list[Part]:
     """The first screen of the results `frame`, which are in `folder`."""
     rows = [row for row in rows_of(frame) if row.engine != "all"]
-    scenes: dict[str, list[Row]] = {}
-    for row in rows:
-        scenes.setdefault(row.scenario, []).append(row)
+    scenes = by_scene(rows)
     columns = list(columns_of(row for row in rows if not row.metric.startswith("ratio.")))
     found = {name: entries(mine, columns) for name, mine in scenes.items()}
     some = next(iter(scenes), "SCENE")
