@@ -1,6 +1,6 @@
-"""Assertions on runs: each measures metrics of `reports/metrics`, judges them by the table of limits, and raises
-InvariantError where a limit is broken or nothing could be judged. Two compare two runs of one scene: the same
-bits again, and the same motion in another order of bodies.
+"""Assertions on runs: each measures metrics of `reports/metrics`, judges them by the table of limits, and
+raises InvariantError where a limit is broken or nothing could be judged. Two compare two runs of one scene:
+the same bits again, and the same motion in another order of bodies.
 
     recording = touchstone.recording(scenario, position, orientation, velocity, omega, contacts)
     assert_no_overlap(recording)

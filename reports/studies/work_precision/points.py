@@ -212,14 +212,6 @@ what a first-order engine at a fitting step may be off (`verdict/limits.toml`)."
 
 
 @dataclass(frozen=True, slots=True)
-class Code:
-    """Paths (f, n, 3) [m] of an engine at its finest step, `finer`, and at twice that step."""
-
-    fine: Array
-    finer: Array
-
-
-@dataclass(frozen=True, slots=True)
 class Band:
     """Positions per frame and body between those of the codes that agree, per coordinate.
 
@@ -271,20 +263,23 @@ def outside(path: Array, low: Array, high: Array, horizon: int) -> float:
     return float(np.linalg.norm(beyond, axis=-1).max())
 
 
-def band_of(codes: Mapping[str, Code], horizon: int, least: float, closed: Array | None = None) -> Band:
+def band_of(
+    codes: Mapping[str, tuple[Array, Array]], horizon: int, least: float, closed: Array | None = None
+) -> Band:
     """The band of the largest group of converged codes that agree pairwise, of equally large ones the
     narrowest. There is none where as many others agree on something else.
 
     Args:
+        codes: paths (f, n, 3) [m] of an engine at twice its finest step, and at that step.
         horizon: frame up to which paths are compared.
         least: distance within which codes agree in any case [m].
         closed: the closed form (f, n, 3) [m], which is the band: codes agree if they are near it.
     """
-    starts = {name: np.broadcast_to(one.finer[:1], one.finer.shape) for name, one in codes.items()}
-    way = float(np.median([distance(one.finer, starts[name], horizon) for name, one in codes.items()]))
+    ways = [distance(finer, np.broadcast_to(finer[:1], finer.shape), horizon) for _, finer in codes.values()]
+    way = float(np.median(ways))
     within = max(least, SPREAD * way)
-    change = {name: distance(one.fine, one.finer, horizon) for name, one in codes.items()}
-    paths = {name: one.finer for name, one in codes.items() if change[name] <= within}
+    change = {name: distance(*both, horizon) for name, both in codes.items()}
+    paths = {name: finer for name, (_, finer) in codes.items() if change[name] <= within}
     apart = {
         frozenset((one, other)): distance(paths[one], paths[other], horizon)
         for one, other in combinations(paths, 2)
@@ -392,7 +387,7 @@ def truth_of(
     horizon = _horizon(plain, perturbed, scenario.frame_count)
     band = None
     if codes:
-        paths = {name: Code(fine.path, finer.path) for name, (fine, finer) in codes.items()}
+        paths = {name: (fine.path, finer.path) for name, (fine, finer) in codes.items()}
         band = band_of(paths, horizon, QUANTITIES["position"].tolerance, closed)
     low, high = (band.low, band.high) if band and band.codes else (closed, closed)
     path = low if low is not None else next(iter(codes.values()))[1].path

@@ -11,7 +11,6 @@ from touchstone.reports.studies.work_precision.points import (
     COLUMNS,
     QUANTITIES,
     CellRun,
-    Code,
     band_of,
     changes,
     deficit,
@@ -46,7 +45,7 @@ WAY = np.linspace(0, 1, 11)[:, None, None] * np.array([1.0, 0.0, 0.0])
 def code(aside, change=0.0):
     """A code whose path is off to the side [m], and at twice the step by `change` more."""
     aside = np.array([0.0, aside, 0.0])
-    return Code(WAY + aside + [0.0, 0.0, change], WAY + aside)
+    return WAY + aside + [0.0, 0.0, change], WAY + aside
 
 
 def banded(**codes):
