@@ -166,7 +166,7 @@ def test_every_row_has_its_command(rows, line, monkeypatch):
     """Name scene, engines and profiles of all sides, changes, another step than the profile's, and metric."""
     assert reproduce(*rows) == f"touchstone run fall {line}"
     played = []
-    monkeypatch.setattr(cli, "_request", lambda *given: played.append(given) or sys_exit())
+    monkeypatch.setattr(cost, "Request", lambda *given, **_: played.append(given) or sys_exit())
     with pytest.raises(SystemExit):
         cli.app(shlex.split(reproduce(*rows))[1:], standalone_mode=False)
     assert played
