@@ -159,11 +159,11 @@ def work_precision(
         ValueError: an unknown name; the message names valid ones.
         touchstone.reports.runner.store.StoreError: the store is damaged, or it cannot be written.
     """
-    from touchstone.reports.studies.work_precision import definitions
+    from touchstone.reports.studies.work_precision import points
     from touchstone.reports.studies.work_precision.points import fronts
     from touchstone.reports.studies.work_precision.study import StudyCells, measure
 
-    wanted = definitions.scenes(quick) if scenes is None else _several(scenes)
+    wanted = points.scenes(quick) if scenes is None else _several(scenes)
     names = [checked("scene", name, catalogue()) for name in wanted]
     cells = StudyCells(names, [_registered(name) for name in _several(engines)], quick)
     _announce([REFERENCE])  # it also gives the converged solutions

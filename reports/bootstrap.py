@@ -60,16 +60,13 @@ def mean(times: Array) -> Array:
     return np.asarray(times.mean(axis=-1))
 
 
-def _median(times: Array) -> Array:
-    return np.asarray(np.median(times, axis=-1))
-
-
-def _p99(times: Array) -> Array:
-    return np.asarray(np.percentile(times, 99, axis=-1))
-
-
 RATIO = "ratio.time"
-STATISTICS: dict[str, Statistic] = {"": mean, ".all": mean, ".median": _median, ".p99": _p99}
+STATISTICS: dict[str, Statistic] = {
+    "": mean,
+    ".all": mean,
+    ".median": lambda times: np.median(times, axis=-1),
+    ".p99": lambda times: np.percentile(times, 99, axis=-1),
+}
 """Suffix of the metric -> statistic; the first over the frames with a contact, the others over all frames."""
 RATIOS = tuple(f"{RATIO}{suffix}" for suffix in STATISTICS)
 """Metrics of ratios of frame times."""

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
 from itertools import combinations
@@ -29,6 +28,7 @@ from typing import Annotated, Any
 
 import pandas as pd
 import pyarrow
+from pydantic import BaseModel, Field, Strict
 
 from touchstone.adapters.contract import MISSING, UNIMPORTABLE
 from touchstone.adapters.recording import Recording, RecordingError, load
@@ -224,14 +224,16 @@ ROW, VERDICT, VALUE = "row", "verdict", "value"
 """What changed: one side lacks the row, the verdict is another, or the value."""
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerance:
+Size = Annotated[float, Strict(), Field(ge=0)]
+
+
+class Tolerance(BaseModel, frozen=True, extra="forbid"):
     """Largest difference of a metric's values, `absolute` [unit of the metric] plus `relative` times the
     larger value; patterns such as `time.*` for metric, engine and scenario. The last that fits holds."""
 
     metric: str
-    relative: float = 0.0
-    absolute: float = 0.0
+    relative: Size = 0.0
+    absolute: Size = 0.0
     engine: str = "*"
     scenario: str = "*"
 
@@ -245,15 +247,21 @@ class Tolerance:
         return isinf(self.relative) or abs(b - a) <= self.absolute + self.relative * max(abs(a), abs(b))
 
 
+class Tolerances(BaseModel, extra="forbid"):
+    """A file of tolerances."""
+
+    tolerances: tuple[Tolerance, ...]
+
+
 FILE = Path(__file__).with_name("times.toml")
 """Tolerances of times of one program, as `changes.py` measures them."""
-FIGURES = Tolerance("*", relative=1e-6, absolute=1e-9)
+FIGURES = Tolerance(metric="*", relative=1e-6, absolute=1e-9)
 """Of all figures but times: engines repeat them to the bit on one machine; others round otherwise."""
-PROGRAMS = Tolerance("*", relative=1e-2, absolute=1e-9)
+PROGRAMS = Tolerance(metric="*", relative=1e-2, absolute=1e-9)
 """Of figures of other programs or platforms, after rounding over some hundred frames."""
-ACROSS_NIGHTS = (PROGRAMS, Tolerance("time.*", inf), Tolerance("ratio.time*", inf))
+ACROSS_NIGHTS = (PROGRAMS, *(Tolerance(metric=times, relative=inf) for times in ("time.*", "ratio.time*")))
 """Of nights, whose times have a history."""
-ACROSS_VERSIONS = (PROGRAMS, Tolerance("time*", inf), Tolerance("state.hash", inf))
+ACROSS_VERSIONS = (PROGRAMS, *(Tolerance(metric=name, relative=inf) for name in ("time*", "state.hash")))
 """Of versions of an engine, whose times are compared over several rounds, and states by their distance."""
 
 
@@ -274,18 +282,10 @@ def tolerances(path: Path | None) -> tuple[Tolerance, ...]:
 
 
 def _of_file(path: Path) -> tuple[Tolerance, ...]:
-    from pydantic import Field, Strict, create_model
-
-    number = Annotated[float, Strict(), Field(ge=0)]
-    forbid = {"extra": "forbid"}
-    patterns = dict.fromkeys(("engine", "scenario"), (str, "*"))
-    sizes = dict.fromkeys(("relative", "absolute"), (number, 0.0))
-    one = create_model("Tolerance", __config__=forbid, metric=(str, ...), **sizes, **patterns)  # type: ignore
-    model = create_model("Tolerances", __config__=forbid, tolerances=(tuple[one, ...], ...))  # type: ignore
-    data, faults, message_of = data_of_file(path, model)
+    data, faults, message_of = data_of_file(path, Tolerances)
     if faults:
         raise SceneFileError(message_of(faults))
-    return tuple(Tolerance(**entry) for entry in data["tolerances"])
+    return Tolerances.model_validate(data).tolerances
 
 
 def tolerance_of(all_of_them: tuple[Tolerance, ...], metric: str, engine: str, scenario: str) -> Tolerance:

@@ -123,13 +123,13 @@ def _shape(piece: Piece) -> Mesh:
             return _cylinder(radius, half_length, 0.0)
         case Box(half):
             signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-            return _hull(signs * np.array(half))
+            return hull_mesh(signs * np.array(half))
         case Hull(vertices):
-            return _hull(np.array(vertices))
+            return hull_mesh(np.array(vertices))
     raise TypeError(f"no mesh of {type(piece.shape).__name__}")
 
 
-def _hull(vertices: Array) -> Mesh:
+def hull_mesh(vertices: Array) -> Mesh:
     """Triangles of a hull, with flat normals."""
     hull = ConvexHull(vertices)
     faces, normals = vertices[hull.simplices], hull.equations[:, :3]
@@ -146,7 +146,7 @@ def _cylinder(radius: float, half_length: float, top: float) -> Mesh:
     around = np.column_stack((np.cos(turns), np.sin(turns)))
     lower = np.column_stack((radius * around, np.full(SIDES, -half_length)))
     upper = np.column_stack((top * around, np.full(SIDES, half_length)))
-    corners, normals = _hull(np.vstack((lower, upper if top else upper[:1])))
+    corners, normals = hull_mesh(np.vstack((lower, upper if top else upper[:1])))
     side = np.abs(normals[:, 2]) < 1 - 1e-9
     # at an apex, the normal of the triangle
     off = np.hypot(corners[:, 0], corners[:, 1])
@@ -252,7 +252,7 @@ def glb(recording: Recording, scenario: Scenario) -> bytes:
             node["mesh"] = len(meshes)
             primitive = {"attributes": attributes, "material": kinds.index(body.kind)}
             meshes.append({"name": body.name, "primitives": [primitive]})
-        place, turn = recording.position[:frames, k], _continuous(recording.orientation[:frames, k])
+        place, turn = recording.position[:frames, k], _rotations(recording.orientation[:frames, k])
         if body.kind == "fixed":
             place, turn = place[:1], turn[:1]
         if len(place):
@@ -285,14 +285,17 @@ def glb(recording: Recording, scenario: Scenario) -> bytes:
     return _file(json.dumps(document, allow_nan=False).encode(), bytes(buffer.data))
 
 
-def _continuous(orientation: np.ndarray) -> np.ndarray:
-    """Quaternions (f, 4) as xyzw, with signs such that each is nearest to the one before."""
-    if not len(orientation):
-        return orientation
-    dots = np.einsum("fi,fi->f", orientation[1:], orientation[:-1])
-    signs = np.r_[1.0, np.cumprod(np.where(dots < 0, -1.0, 1.0))]
-    found: np.ndarray = (orientation * signs[:, None])[:, [1, 2, 3, 0]]
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
+def continuous(quaternions: Array) -> Array:
+    """Quaternions (f, ..., 4) with signs such that each is nearest to the one before."""
+    dots = np.einsum("f...i,f...i->f...", quaternions[1:], quaternions[:-1])
+    signs = np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)
+    return np.concatenate([quaternions[:1], quaternions[1:] * signs[..., None]])
+
+
+def _rotations(orientation: Array) -> Array:
+    """Continuous quaternions (f, 4) of length 1 as xyzw."""
+    found = continuous(orientation)[:, [1, 2, 3, 0]]
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
 
 
 def _file(text: bytes, data: bytes) -> bytes:

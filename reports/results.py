@@ -90,6 +90,14 @@ def rows_of(frame: pd.DataFrame) -> list[Row]:
     return [Row(**record) for record in frame.to_dict("records")]  # type: ignore[arg-type]
 
 
+def by_scene(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """Rows of each scene, in the order of the run."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row.scenario, []).append(row)
+    return found
+
+
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:
     """Call `write` on a temporary file next to `path`, then rename it: `path` is complete or absent."""
     part = path.with_name(f"{path.name}.part")

@@ -65,7 +65,7 @@ _HOME = {
     "scenarios": "touchstone.scenarios",
     "recording": "touchstone.reports.assertions.arrays",
     **dict.fromkeys(_ASSERTIONS, "touchstone.reports.assertions.invariants"),
-    **dict.fromkeys(_REPEATS, "touchstone.reports.assertions.repeats"),
+    **dict.fromkeys(_REPEATS, "touchstone.reports.assertions.invariants"),
     "InvariantError": "touchstone.reports.assertions.outcome",
     **dict.fromkeys(_ADAPTER, "touchstone.adapters.contract"),
     "SimpleWorld": "touchstone.adapters.engines.simple_world",

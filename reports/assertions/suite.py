@@ -12,9 +12,8 @@ import pytest
 
 import touchstone
 from touchstone.adapters.recording import Recording
-from touchstone.reports.assertions.invariants import INVARIANTS, check
+from touchstone.reports.assertions.invariants import INVARIANTS, ORDER_TOLERANCE, check, reordered
 from touchstone.reports.assertions.outcome import InvariantError
-from touchstone.reports.assertions.repeats import ORDER_TOLERANCE, reordered
 from touchstone.reports.results import Row
 from touchstone.reports.verdict.failings import failing_of
 from touchstone.scenarios.catalogue import tagged

@@ -29,9 +29,16 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.ratios import FACTORS, Timed, factor_rows, pair_frames, ratio_rows, timed
 from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, step_text
-from touchstone.reports.studies.study import kept, with_interval
+from touchstone.reports.studies.study import (
+    MICRO,
+    kept,
+    limit_text,
+    remarks,
+    spread_text,
+    value_text,
+    with_interval,
+)
 from touchstone.reports.verdict.rows import measured_of
-from touchstone.reports.views.bench_tables import MICRO, limit_text, remarks, spread_text, value_text
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.catalogue import catalogue, tagged

@@ -27,15 +27,22 @@ from touchstone.adapters.engines.reference.box_cloud import Cloud
 from touchstone.adapters.recorder import frame_seconds, undisturbed
 from touchstone.adapters.registry import ENGINES, installed, load, missing_reason
 from touchstone.adapters.workers.pool import Ended, EngineProcess, Loader
-from touchstone.reports.bench.poses import hull_slide
+from touchstone.reports.bench.geometry import hull_slide
 from touchstone.reports.bootstrap import exponent, median_interval
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Stretch, measure
-from touchstone.reports.studies.study import kept, with_interval
+from touchstone.reports.studies.study import (
+    MICRO,
+    interval_text,
+    kept,
+    limit_text,
+    remarks,
+    value_text,
+    with_interval,
+)
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.bench_tables import MICRO, interval_text, limit_text, remarks, value_text
 from touchstone.reports.views.pictures import detector_looks, ends, log_axis, save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
@@ -47,6 +54,30 @@ WARM_UP = 5
 """Frames of each size that are discarded."""
 SPACING, RADIUS, MASS = 0.2, 0.05, 0.3
 """Balls at rest: distance from centre to centre, radius [m] and mass [kg]."""
+
+
+SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-fcl.distance")
+"""Detectors whose time over the number of vertices is measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """Sizes, and the number of repetitions."""
+
+    pieces: tuple[int, ...] = (100, 320, 1000, 3200, 10_000)
+    cloud_frames: int = 60
+    balls: tuple[int, ...] = (10, 30, 100)
+    more_balls: tuple[int, ...] = (300, 500)
+    """Sizes for the reference only: other engines take a minute to build them."""
+    ball_turns: int = 4
+    ball_frames: int = 5
+    vertices: tuple[int, ...] = (50, 160, 500, 1600, 5000)
+    hull_pairs: int = 4
+    hull_frames: int = 30
+    hull_turns: int = 3
+
+
+AMOUNT = Amount()
 
 
 @dataclass(slots=True)
@@ -65,8 +96,9 @@ class Curve:
     ended: tuple[str, str] | None = None
 
 
-def broad_phase(sizes: Sequence[int], frames: int, progress: Progress) -> list[Curve]:
+def broad_phase(amount: Amount, progress: Progress) -> list[Curve]:
     """The reference's broad phase in clouds of moving boxes of constant density."""
+    sizes, frames = amount.pieces, amount.cloud_frames
     clouds = [Cloud(size, np.random.default_rng(size)) for size in sizes]
     times = np.zeros((len(sizes), WARM_UP + frames))
     for frame in range(WARM_UP + frames):
@@ -130,17 +162,10 @@ def frame_times(engine: Engine, task: Frames) -> Array:
     )
 
 
-def balls_at_rest(
-    sizes: Sequence[int],
-    further: Sequence[int],
-    turns: int,
-    frames: int,
-    output: Path,
-    progress: Progress,
-    loader: Loader = load,
-) -> list[Curve]:
-    """Times of whole frames of every engine in its first profile, interleaved; the reference also at
-    `further` sizes."""
+def balls_at_rest(amount: Amount, output: Path, progress: Progress, loader: Loader = load) -> list[Curve]:
+    """Times of whole frames of every engine in its first profile, interleaved; the reference also at more
+    sizes."""
+    sizes, further = amount.balls, amount.more_balls
     curves, children = [], []
     for engine, entry in ENGINES.items():
         profile, dt = next(iter(entry.profiles.items()))
@@ -173,12 +198,12 @@ def balls_at_rest(
             for curve, child in asked:
                 progress(f"{curve.engine}: build", 1)
                 answer(curve, child)
-        for _ in range(turns):
+        for _ in range(amount.ball_turns):
             for k, size in enumerate(scenes):
                 for curve, child in children:
                     if size in curve.sizes:
                         progress(curve.engine, 1)
-                        ask(curve, child, size, frames)
+                        ask(curve, child, size, amount.ball_frames)
                         curve.times[k] = np.append(curve.times[k], answer(curve, child))
     finally:
         for _, child in children:
@@ -187,27 +212,21 @@ def balls_at_rest(
 
 
 def hull_vertices(
-    names: Sequence[str],
-    sizes: Sequence[int],
-    pairs: int,
-    frames: int,
-    turns: int,
-    output: Path,
-    progress: Progress,
-    loader: DetectorLoader = load_detector,
+    amount: Amount, output: Path, progress: Progress, loader: DetectorLoader = load_detector
 ) -> list[Curve]:
     """Times of depth queries of touching hulls, over the frames of a motion, net of the crossing."""
     rng = np.random.default_rng(0)
     queries: list[Pair] = []
     stretches = []
-    for size in sizes:
-        motion = [pair for frame in hull_slide(size, pairs, frames, rng) for pair in frame]
-        stretches.append(Stretch(len(queries), len(queries) + len(motion), pairs))
+    for size in amount.vertices:
+        frames = hull_slide(size, amount.hull_pairs, amount.hull_frames, rng)
+        motion = [pair for frame in frames for pair in frame]
+        stretches.append(Stretch(len(queries), len(queries) + len(motion), amount.hull_pairs))
         queries += motion
-    measured = measure(names, queries, stretches, turns, 1, output, progress, loader)
+    measured = measure(SUBJECTS, queries, stretches, amount.hull_turns, 1, output, progress, loader)
     curves = []
     for name, mine in measured.items():
-        curve = Curve(VERTICES, "vertices", name, DETECTORS[name].profile, sizes=list(sizes))
+        curve = Curve(VERTICES, "vertices", name, DETECTORS[name].profile, sizes=list(amount.vertices))
         curve.ended = mine.ended
         net = mine.net(np.full(len(queries), -1.0)) if mine.ended is None else mine.seconds
         for stretch in stretches:
@@ -263,7 +282,8 @@ def _panel(part: pd.DataFrame, title: str, sizes_label: str) -> Any:
     powers = part[part.metric == "scaling.exponent"].set_index("engine").value
     heads = {engine: f"{engine}: n to the {power:.2f}" for engine, power in powers.items()}
     points = part[(part.metric == "scaling.time") & part.engine.isin(powers.index)]
-    points = points.assign(size=sizes_of(points), engine=points.engine.map(heads))
+    sizes = points.subject.str.split().str[0].astype(float)  # "100 pieces" is 100
+    points = points.assign(size=sizes, engine=points.engine.map(heads))
     points[["value", "low", "high"]] *= MICRO
     fits = []
     for engine, power in powers.items():
@@ -271,7 +291,7 @@ def _panel(part: pd.DataFrame, title: str, sizes_label: str) -> Any:
         middle = np.exp(np.mean(np.log(mine.value) - power * np.log(mine["size"])))
         fit = mine.iloc[[0, -1]]
         fits.append(fit.assign(value=middle * fit["size"] ** power))
-    sizes, text = points["size"], "median time [µs], 95 % interval, fitted power law"
+    text = "median time [µs], 95 % interval, fitted power law"
     x = log_axis(alt.X, "size", sizes_label, ends(sizes), values=sorted(set(sizes)), grid=False)
     y = log_axis(alt.Y, "value", text, ends(pd.concat(fits).value, points.low, points.high))
     marks = detector_looks(heads.values())
@@ -285,34 +305,7 @@ def _panel(part: pd.DataFrame, title: str, sizes_label: str) -> Any:
     return drawn.properties(title=title, width=270, height=220)
 
 
-def sizes_of(rows: pd.DataFrame) -> Array:
-    """The sizes that times belong to: "100 pieces" is 100."""
-    return np.array([float(subject.split()[0]) for subject in rows.subject])
-
-
 STUDY = "bench scaling"
-SUBJECTS = ("reference.exact", "reference.walk", "coal", "coal.tight", "python-fcl.distance")
-"""Detectors whose time over the number of vertices is measured."""
-
-
-@dataclass(frozen=True, slots=True)
-class Amount:
-    """Sizes, and the number of repetitions."""
-
-    pieces: tuple[int, ...] = (100, 320, 1000, 3200, 10_000)
-    cloud_frames: int = 60
-    balls: tuple[int, ...] = (10, 30, 100)
-    more_balls: tuple[int, ...] = (300, 500)
-    """Sizes for the reference only: other engines take a minute to build them."""
-    ball_turns: int = 4
-    ball_frames: int = 5
-    vertices: tuple[int, ...] = (50, 160, 500, 1600, 5000)
-    hull_pairs: int = 4
-    hull_frames: int = 30
-    hull_turns: int = 3
-
-
-AMOUNT = Amount()
 
 
 def steps(amount: Amount = AMOUNT) -> int:
@@ -330,24 +323,12 @@ def run(
     detector_loader: DetectorLoader = load_detector,
 ) -> pd.DataFrame:
     """Measure all three; store rows, picture and manifest."""
-
     with output_folder(out) as folder:
         output = folder / "output"
         output.mkdir()
-        curves = broad_phase(amount.pieces, amount.cloud_frames, progress)
-        curves += balls_at_rest(
-            amount.balls, amount.more_balls, amount.ball_turns, amount.ball_frames, output, progress, loader
-        )
-        curves += hull_vertices(
-            SUBJECTS,
-            amount.vertices,
-            amount.hull_pairs,
-            amount.hull_frames,
-            amount.hull_turns,
-            output,
-            progress,
-            detector_loader,
-        )
+        curves = broad_phase(amount, progress)
+        curves += balls_at_rest(amount, output, progress, loader)
+        curves += hull_vertices(amount, output, progress, detector_loader)
         rows = [judged(row, ()) for row in rows_of_curves(curves)]
         return kept(rows, folder, {"study": STUDY, **asdict(amount)}, {"scaling.png": draw})
 

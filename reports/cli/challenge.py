@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from touchstone.reports.cli import options
-from touchstone.reports.cli.scenes.chosen import scenarios_for
+from touchstone.reports.cli.scenes import scenarios_for
 
 if TYPE_CHECKING:
     from touchstone.reports.results import Row

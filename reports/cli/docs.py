@@ -25,9 +25,15 @@ def docs(
 ) -> None:
     """Write the generated pages of the documentation: commands, lists, measurements, stills."""
     from touchstone.adapters.contract import AdapterError
-    from touchstone.reports.docs.engines import engines_page
-    from touchstone.reports.docs.measurements import NoResults, page_of
-    from touchstone.reports.docs.reference import EFFECTS, commands_page, list_pages, settings_pages
+    from touchstone.reports.docs.reference import (
+        EFFECTS,
+        NoResults,
+        commands_page,
+        engines_page,
+        list_pages,
+        page_of,
+        settings_pages,
+    )
     from touchstone.reports.results import write_beside
     from touchstone.scenarios.catalogue import tagged
 
@@ -39,7 +45,7 @@ def docs(
     for needed in (folder / "pictures", out / "settings"):
         needed.mkdir(parents=True, exist_ok=True)
     if stills:
-        from touchstone.reports.docs.measurements import draw
+        from touchstone.reports.docs.reference import draw
 
         with refusing(AdapterError):
             for name in draw(tagged(GALLERY), folder / "pictures"):

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,24 +15,24 @@ from touchstone.reports.cli import options
 from touchstone.reports.cli.challenge import challenge
 from touchstone.reports.cli.cheapest import cheapest, tune
 from touchstone.reports.cli.docs import docs
-from touchstone.reports.cli.doctor import check_engine, doctor
+from touchstone.reports.cli.doctor import check_engine, doctor, env
+from touchstone.reports.cli.doctor import install as install_environments
 from touchstone.reports.cli.guard import guarded
 from touchstone.reports.cli.nightly import accept, nightly
-from touchstone.reports.cli.own_environments import env
-from touchstone.reports.cli.own_environments import install as install_environments
-from touchstone.reports.cli.runs.stored import compare, failings, judge, tolerances, view
-from touchstone.reports.cli.runs.versions import versions
-from touchstone.reports.cli.scenes.chosen import (
+from touchstone.reports.cli.runs import compare, failings, judge, tolerances, versions, view
+from touchstone.reports.cli.scenes import (
     AllowPathsOption,
     LimitsOption,
+    check_robot,
+    export,
+    import_robot,
     limits_for,
     metrics_for,
+    reproduce,
     scenarios_for,
     scene_notes,
+    schema,
 )
-from touchstone.reports.cli.scenes.exporting import export, schema
-from touchstone.reports.cli.scenes.reproducing import reproduce
-from touchstone.reports.cli.scenes.robots import check_robot, import_robot
 from touchstone.reports.cli.studies import bench, reality, study
 from touchstone.reports.cli.sweep import soak, sweep
 from touchstone.reports.progress import Progress, stepping_aside
@@ -41,7 +40,6 @@ from touchstone.reports.progress import Progress, stepping_aside
 if TYPE_CHECKING:
     import pandas as pd
 
-    from touchstone.reports.runner.request import Request
     from touchstone.scenarios.scenario import Scenario
 
 HELP = "Contact handling of avatars: a reference, and what DART, Bullet and MuJoCo make of its scenes."
@@ -141,28 +139,37 @@ def run(
 ) -> None:
     """Play scenes, of the catalogue or of files (.toml, .json, .py), and show where engines differ."""
     from touchstone.adapters.contract import DRIVES
-    from touchstone.reports.metrics.oracles import judge_faults
+    from touchstone.reports.metrics.context import judge_faults
     from touchstone.reports.output_folder import OutputError
     from touchstone.reports.run.study import run as run_study
-    from touchstone.reports.run.without_figures import without_figures
-    from touchstone.reports.runner.request import TooLargeError, check_memory, limited
+    from touchstone.reports.run.study import without_figures
+    from touchstone.reports.runner.request import (
+        DEFAULT_PROFILES,
+        Request,
+        TooLargeError,
+        check_memory,
+        limited,
+    )
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
     if scenario and tag is not None:
         options.stop(f"--tag {tag}: scenes are named too; give one of both")
-    scenarios = _tracked(
-        scenarios_for(scenario or [], "gallery" if tag is None else tag, hold_last, allow_paths),
-        tracker,
-        drive,
-    )
+    named = scenarios_for(scenario or [], "gallery" if tag is None else tag, hold_last, allow_paths)
+    scenarios = _tracked(named, tracker, drive)
     if install:
         install_environments(engine or [])
-    request = _request(scenarios, engine or [], profile or [], metric or [], dt, out)
+    columns = options.columns_for(engine, profile, DEFAULT_PROFILES)
+    step = options.step_for(dt, scenarios) if dt is not None else None
+    metrics = metrics_for(metric or [])
     # `paper` has no settings: it plays beside a changed `balanced` only where it is named
-    columns = request.columns if profile else options.with_settings(request.columns, change or [])
-    request = replace(
-        request,
-        columns=columns,
+    columns = columns if profile else options.with_settings(columns, change or [])
+    request = Request(
+        tuple(scenarios),
+        columns,
+        out or options.folder_of_now(),
+        step,
+        metrics,
+        " ".join(["touchstone", *sys.argv[1:]]),
         changes=options.changes_for(columns, change or []),
         effects=options.effects_for(effects),
         drive=options.known("drive", drive, DRIVES),
@@ -178,7 +185,7 @@ def run(
         check_memory(request.scenarios, len(request.columns))
         frames = sum(s.frame_count for s in request.scenarios) * len(request.columns)
         with options.progress_for(frames, quiet, by_scene=True) as progress:
-            shown = _show_at_once(progress, broken) if at_once else _ignore
+            shown = _show_at_once(progress, broken) if at_once else lambda frame: None
             # heaps end by their budget
             bounded = yes or all("heap" in one.tags for one in request.scenarios)
             results = run_study(request, progress if bounded else limited(progress, frames), shown)
@@ -188,11 +195,9 @@ def run(
         print(line, file=sys.stderr)
     lacking = without_figures(request.metrics, results)
     if not options.printed(results.frame, output) and not quiet and not lacking:
-        from touchstone.reports.views.first_screen import first_screen
-        from touchstone.reports.views.losses import losses_part
-        from touchstone.reports.views.published import published_part
+        from touchstone.reports.views.findings import losses_part, published_part
         from touchstone.reports.views.render import console, print_parts
-        from touchstone.reports.views.terminal import budget_parts, report
+        from touchstone.reports.views.terminal import budget_parts, first_screen, report
 
         if in_full:
             parts = [losses_part(results.frame)] if at_once else report(results.frame)
@@ -208,10 +213,6 @@ def run(
     options.exit_for(results.frame.verdict, bool(engine), bool(results.faults))
     if lacking:
         options.stop(f"--metric {', '.join(metric or [])}: {lacking}")
-
-
-def _ignore(frame: pd.DataFrame) -> None:
-    """Print nothing."""
 
 
 def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[pd.DataFrame], None]:
@@ -233,25 +234,6 @@ def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[
             broken.append(error)
 
     return show
-
-
-def _request(
-    scenarios: list[Scenario],
-    engines: list[str],
-    profiles: list[str],
-    metrics: list[str],
-    dt: str | None,
-    out: Path | None,
-) -> Request:
-    """The request for the arguments; a wrong argument exits with one line."""
-    from touchstone.reports.runner.request import DEFAULT_PROFILES, Request
-
-    columns = options.columns_for(engines, profiles, DEFAULT_PROFILES)
-    step = options.step_for(dt, scenarios) if dt is not None else None
-    command = " ".join(["touchstone", *sys.argv[1:]])
-    return Request(
-        tuple(scenarios), columns, out or options.folder_of_now(), step, metrics_for(metrics), command
-    )
 
 
 def _tracked(scenarios: list[Scenario], tracker: str, drive: str) -> list[Scenario]:

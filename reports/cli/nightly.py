@@ -71,7 +71,7 @@ def _publish(
 ) -> tuple[list[Finding], str, Path]:
     """Compare the night, and write its pages; what was measured is stored already. Returns the findings, the
     verdict in one sentence, and the page."""
-    from touchstone.reports.nightly import outputs, verdict
+    from touchstone.reports.nightly import verdict
 
     known_nights = {one.sequence: one for one in nights}
     fingerprint = str(night.identity["fingerprint"])
@@ -85,18 +85,18 @@ def _publish(
     history = verdict.histories(store, nights, fingerprint)
     record = store.accepted()
     findings += verdict.timing(history, known_nights, int(record["sequence"]) if record else 0)
-    level, sentence = outputs.sentence(measured.frame, findings, baseline is not None, new_hardware)
+    level, sentence = verdict.sentence(measured.frame, findings, baseline is not None, new_hardware)
     folder = store.folder / "pages" / night.run
     folder.mkdir(parents=True, exist_ok=True)
     writers = {
-        "junit.xml": lambda: outputs.write_junit(folder, measured.frame, findings),
-        "badge.json": lambda: outputs.write_badge(folder, level),
-        "report.html": lambda: outputs.write_page(
+        "junit.xml": lambda: verdict.write_junit(folder, measured.frame, findings),
+        "badge.json": lambda: verdict.write_badge(folder, level),
+        "report.html": lambda: verdict.write_page(
             *(folder, measured, level, sentence, findings),
-            (outputs.history_charts(history, known_nights), outputs.history_table(history, known_nights)),
+            (verdict.history_charts(history, known_nights), verdict.history_table(history, known_nights)),
         ),
-        "report.md": lambda: outputs.write_markdown(
-            folder, outputs.markdown(sentence, findings, [*store.notes, *measured.faults])
+        "report.md": lambda: verdict.write_markdown(
+            folder, verdict.markdown(sentence, findings, [*store.notes, *measured.faults])
         ),
     }
     for name, write in writers.items():

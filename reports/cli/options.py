@@ -310,7 +310,7 @@ def progress_for(total: int, quiet: bool, by_scene: bool = False):  # type: igno
 
 def require_judge() -> None:
     """Exit with one line if a library is missing that judges a study's measurements."""
-    from touchstone.reports.metrics.oracles import judge_faults
+    from touchstone.reports.metrics.context import judge_faults
 
     if faults := judge_faults():
         stop("; ".join(faults), NOT_JUDGED)

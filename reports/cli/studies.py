@@ -158,7 +158,7 @@ def calibration(
     profile: Annotated[options.Names, typer.Option(help="Profiles (default: all).")] = None,
 ) -> StudyRequest:
     """Measure the restitution and friction that engines achieve, beside what they were asked for."""
-    from touchstone.reports.studies.calibration import study as module
+    from touchstone.reports.studies import calibration as module
 
     columns = options.columns_for(engine, profile)
     return StudyRequest.of(module, len(module.tasks(columns, module.Requested())), columns)
@@ -266,7 +266,7 @@ def paper(
     repeats: Annotated[int, typer.Option(min=1, help="Timed plays of every scene.")] = 15,
 ) -> StudyRequest:
     """Replay the experiments of the paper on the profile `paper`, and judge its claims one by one."""
-    from touchstone.reports.studies.paper import study as module
+    from touchstone.reports.studies import paper as module
 
     return StudyRequest.of(module, module.steps(repeats), repeats)
 
@@ -284,7 +284,7 @@ def work_precision(
     """Measure error over wall time of every engine and setting: what accuracy costs."""
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies.work_precision import study as module
-    from touchstone.reports.studies.work_precision.definitions import scenes
+    from touchstone.reports.studies.work_precision.points import scenes
 
     names = [scene.name for scene in scenes_named(scenario or scenes(quick))]
     engines = options.engines_named(engine or ENGINES)
@@ -359,7 +359,7 @@ def relations(
     scenes = [find(name if name in valid else options.known("scenario", name, catalogue())) for name in names]
     scenes = scenes or module.default_scenes()
     columns = options.columns_for(engine, profile, options.USUAL)
-    return StudyRequest.of(module, len(module.tasks(columns, scenes)), columns, scenes)
+    return StudyRequest.of(module, len(module.tasks_of(scenes, columns)), columns, scenes)
 
 
 @studied("parity")
@@ -401,8 +401,8 @@ def tosses(
     profile: options.UsualProfileOption = None,
 ) -> StudyRequest:
     """Play measured tosses of a box from their start: errors over time, identified e and mu, the floor."""
-    from touchstone.reports.studies.tosses import study as module
-    from touchstone.reports.studies.tosses.measured import read
+    from touchstone.reports.studies import tosses as module
+    from touchstone.reports.studies.tosses import read
 
     columns = options.columns_for(engine, profile, options.USUAL)
     box, found = read(folder)

@@ -49,11 +49,10 @@ def sweep(
     """Measure every combination of scene, engine, profile and step, each once."""
     from touchstone.adapters.knobs import SettingError
     from touchstone.reports.runner.cells import grid
-    from touchstone.reports.runner.executors import ClusterError, DaskPool, PartError, part_of
     from touchstone.reports.runner.request import DEFAULT_PROFILES
     from touchstone.reports.runner.store import StoreError
+    from touchstone.reports.runner.sweep import ClusterError, DaskPool, PartError, part_of, sweep_timed
     from touchstone.reports.runner.sweep import sweep as run_sweep
-    from touchstone.reports.runner.sweep import sweep_timed
 
     if slurm_script is not None:
         options.require_new(slurm_script, "--slurm-script")
@@ -95,7 +94,7 @@ def sweep(
 
 def write_script(path: Path, out: Path, cells: int, quiet: bool) -> None:
     """Write the array job of this command; its store is named by its absolute path."""
-    from touchstone.reports.runner.executors import script
+    from touchstone.reports.runner.sweep import script
 
     arguments = without(sys.argv[2:], "--slurm-script", "--out", "--part", "--jobs")
     text = script([*arguments, "--out", str(out.resolve())], cells)

@@ -1,4 +1,4 @@
-"""Pages that follow from the code alone: commands, scenes, metrics, profiles, settings.
+"""Pages of the documentation: commands, scenes, metrics, settings and engines; measurements; stills.
 
 A page per engine of all its settings: values, their source, the lines to paste, who reviewed them, what each
 does to kinds of scenes, and the best for each tolerance.
@@ -9,24 +9,51 @@ Lines are what the adapter sets in the scene SCENE with the setting, without wha
 from __future__ import annotations
 
 import csv
+import importlib
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
+from PIL import Image
 
+from touchstone.adapters.conformance.abilities import ABILITIES
 from touchstone.adapters.contract import Settings
+from touchstone.adapters.engines.entry import DEFAULT, Entry
+from touchstone.adapters.engines.mujoco.still import View, still
 from touchstone.adapters.knobs import Setting, SettingError, split
-from touchstone.adapters.registry import ENGINES, installed, registered, settings_of
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import (
+    DEFAULT_ENGINES,
+    ENGINES,
+    OPTIONAL_ENGINES,
+    entry_of_ours,
+    installed,
+    load,
+    registered,
+    settings_of,
+)
 from touchstone.adapters.scripts.process import settings_lines
+from touchstone.reports.changes import table_of
 from touchstone.reports.docs.listing import metric_rows, profile_rows, scenario_rows, setting_rows
+from touchstone.reports.results import write_beside
+from touchstone.reports.runner.request import step_text
 from touchstone.reports.runner.tasks import own_profile
 from touchstone.reports.studies.knobs import KEPT, Errors, best_of, effects_of, errors_by_label
 from touchstone.reports.studies.knobs import SCENES as KINDS
 from touchstone.reports.studies.tuning import values_of
-from touchstone.scenarios.catalogue import catalogue
+from touchstone.reports.verdict.failings import causes, known
+from touchstone.reports.views.render import FittingConsole, Part, print_parts
+from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.files.safe_paths import fault_line, json_of
+from touchstone.scenarios.scenario import Scenario
 
 NOTICE = "<!-- written by `touchstone docs`; do not edit -->"
 
@@ -257,3 +284,233 @@ def _elements(before: list[str], after: list[str]) -> list[str]:
 def _sources() -> dict[tuple[str, str], dict[str, str]]:
     with open(SOURCES, newline="", encoding="utf-8") as file:
         return {(row["engine"], row["setting"]): row for row in csv.DictReader(file)}
+
+
+MOST, FEWEST = 3, 3
+"""Number of causes of failings that are shown, and of probes of a tag that is."""
+DAY = "2026-11-28"
+"""Day of the versions, and of the known failings of engines in environments of their own."""
+PROBED = (*DEFAULT_ENGINES, "drake", "newton", "physx", "rapier")
+"""Engines whose known failings are those of all probes."""
+CONSTRAINTS = Path("constraints.txt")
+"""Versions that `make` installs, in a checkout."""
+
+
+def engines_page(checkout: Path) -> str:
+    """The page, from the entries of the engines and the known failings."""
+    entries = {name: entry_of_ours(name) for name in (*DEFAULT_ENGINES, *OPTIONAL_ENGINES)}
+    pinned = dict(
+        line.split("==")[:2]
+        for line in (checkout / CONSTRAINTS).read_text("utf-8").splitlines()
+        if "==" in line and not line.startswith("#")
+    )
+    abilities = [
+        {
+            "ability": ability,
+            **{name: "-" if ability in one.lacks else "yes" for name, one in entries.items()},
+        }
+        for ability in ABILITIES
+    ]
+    profiles = [
+        {
+            "engine": name,
+            "version": _version(name, one, pinned),
+            "profiles and steps [s]": ", ".join(
+                f"`{profile}` {step_text(dt)}" for profile, dt in one.profiles.items()
+            ),
+            "the first differs from `default` in": ", ".join(_changed(name, one)) or "-",
+            "rounding": one.rounding or "-",
+        }
+        for name, one in entries.items()
+    ]
+    parts = [
+        NOTICE,
+        "# Engines",
+        "All have spheres, boxes and Coulomb's law of friction. What an engine lacks is refused with "
+        "the reason; a test builds a scene for each ability. An optional engine with an environment of its "
+        "own is added by `touchstone env add` ([environments.md](environments.md)).",
+        "## What each can represent",
+        table_text(abilities),
+        "## Profiles",
+        f"Versions are those that `make` installs, or that an engine's own environment pins, on {DAY}.",
+        table_text(profiles),
+        "Newton's Featherstone and semi-implicit solvers have no profile: neither has the observable "
+        "`CONTACT_F`, the force of each contact, and the kernel that evaluates it adds up forces per body.",
+        "## Where each fails",
+        "Known failings of the first profile in the probes, the tags of scenes (CONTRIBUTING.md) in which it "
+        f"does best and worst, and the {MOST} causes that show in the most probes; "
+        "`reports/verdict/causes.toml` has each with its mechanism. Where none is known, a probe meets all "
+        "its limits, or is refused. Only these engines have been judged on all probes.",
+        table_text([row for name in PROBED for row in _failing_rows(name, entries[name])]),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _version(name: str, entry: Entry, pinned: dict[str, str]) -> str:
+    wanted = entry.distribution or entry.package
+    own = dict(pin.split("==") for pin in entry.pins)
+    return own.get(wanted) or pinned.get(wanted) or ("of this program" if name == DEFAULT_ENGINES[0] else "-")
+
+
+def _changed(name: str, entry: Entry) -> Iterator[str]:
+    """Settings of the first profile that differ from those of `default`."""
+    if DEFAULT not in entry.profiles or not entry.settings:
+        return
+    table = settings_of(name)
+    first, plain = table.column(next(iter(entry.profiles))), table.column(DEFAULT)
+    for key, setting in table.items():
+        values = setting.profiles[first], setting.profiles[plain]
+        if values[0] != values[1]:
+            yield f"`{key}` {values[0] or 'by scene'} for {values[1] or 'by scene'}"
+
+
+def _failing_rows(name: str, entry: Entry) -> Iterator[dict[str, object]]:
+    probes = {scene.name: set(scene.tags) for scene in tagged("probe")}
+    first = next(iter(entry.profiles))
+    found: dict[str, set[str]] = {}
+    for one in known().values():
+        if one.engine == name and one.profile == first and one.scenario in probes:
+            found.setdefault(one.cause, set()).add(one.scenario)
+    failing = set().union(*found.values()) if found else set()
+    counts = Counter(tag for tags in probes.values() for tag in tags - {"probe"})
+    shares = {tag: sum(tag in probes[one] for one in failing) / n for tag, n in counts.items() if n >= FEWEST}
+    best = min(shares, key=lambda tag: (shares[tag], -counts[tag], tag))
+    worst = max(shares, key=lambda tag: (shares[tag], counts[tag], tag))
+    ranked = sorted(found, key=lambda cause: (-len(found[cause]), cause))[:MOST]
+    yield {
+        "engine": name,
+        "probes with a known failing": f"{len(failing)} of {len(probes)}",
+        "least of a tag": f"`{best}`: {round(shares[best] * counts[best])} of {counts[best]}",
+        "most of a tag": f"`{worst}`: {round(shares[worst] * counts[worst])} of {counts[worst]}",
+        "causes in the most scenes": "<br>".join(
+            f"{len(found[cause])}: {' '.join(causes()[cause].split()).partition(':')[0]}" for cause in ranked
+        ),
+    }
+
+
+WIDTH = 120
+"""Width of tables in characters."""
+SHOWN_BY = {
+    "run": "touchstone.reports.views.terminal",
+    "import": "touchstone.reports.studies.robots",
+    "ik": "touchstone.reports.studies.inverse_kinematics",
+    "reality tosses": "touchstone.reports.studies.tosses",
+}
+"""Modules whose `report` has a study's table, where they are not `reports/studies/NAME`."""
+
+
+class NoResults(Exception):
+    """A folder holds no results; the message says what is missing."""
+
+
+def page_of(folder: Path) -> tuple[str, str, dict[str, Path]]:
+    """Name and text of the page of a results folder, and the pictures that it shows by their new names.
+
+    Raises:
+        NoResults: the folder has no table with rows, no manifest, or a table of another study.
+    """
+    try:
+        frame = table_of(folder)
+        facts = json_of(folder / "manifest.json")
+        study, origin = str(frame.study.iloc[0]), _origin(facts)
+    except (OSError, ValueError, IndexError, AttributeError) as error:
+        raise NoResults(f"{folder}: no results of a run, study or bench ({fault_line(error)})") from error
+    try:
+        text = _text(study, frame)
+    except NoResults:
+        raise
+    except Exception as error:
+        reason = f"{type(error).__name__}: {fault_line(error)}"
+        raise NoResults(f"{folder}: cannot be shown as a table of {study!r} ({reason})") from error
+    name = study.replace(" ", "-")
+    pictures = {f"{name}-{path.name}": path for path in sorted(folder.glob("*.png"))}
+    parts = [NOTICE, f"# `touchstone {_command(study)}`", origin]
+    parts += ["```text", text, "```"]
+    parts += [f"![{picture.rpartition('.')[0]}](pictures/{picture})" for picture in pictures]
+    return f"{name}.md", "\n\n".join(parts).replace("```text\n\n", "```text\n") + "\n", pictures
+
+
+def _command(study: str) -> str:
+    whole = study in ("run", "import") or study.startswith(("bench ", "reality "))
+    return study if whole else f"study {study}"
+
+
+def _origin(facts: dict) -> str:
+    """What measured the table: command, commit, day, and machine."""
+    machine = facts.get("machine", {})
+    known = (
+        ("Command", facts.get("command")),
+        ("commit", facts.get("commit")),
+        ("day", facts.get("day")),
+        ("processor", machine.get("processor")),
+        ("cores", machine.get("cores")),
+    )
+    return ", ".join(f"{name} `{value}`" for name, value in known if value) + "."
+
+
+def _text(study: str, frame: pd.DataFrame) -> str:
+    """The table as the command prints it."""
+    out = StringIO()
+    console = FittingConsole(file=out, width=WIDTH, no_color=True, force_terminal=False)
+    print_parts([replace(part, wrap=True) for part in _report_of(study)(frame)], console)
+    return "\n".join(line.rstrip() for line in out.getvalue().strip("\n").splitlines())
+
+
+def _report_of(study: str) -> Callable[[pd.DataFrame], list[Part]]:
+    """The function of a study's report."""
+    bench = study.partition("bench ")[2]
+    home = f"bench.{bench}" if bench else f"studies.{study.replace('-', '_')}"
+    try:
+        module = importlib.import_module(SHOWN_BY.get(study, f"touchstone.reports.{home}"))
+        if not hasattr(module, "report"):
+            module = importlib.import_module(f"{module.__name__}.study")
+        report: Callable[[pd.DataFrame], list[Part]] = module.report
+    except (ModuleNotFoundError, AttributeError) as error:
+        raise NoResults(f"no module shows the study {study!r}") from error
+    return report
+
+
+class Shot(NamedTuple):
+    """Moment [s] and camera of a still: angles [degrees], and distance [m] from the body `at`, or from the
+    middle of all that moves."""
+
+    time: float
+    azimuth: float = 60.0
+    elevation: float = -18.0
+    distance: float = 3.0
+    at: str = ""
+
+
+SHOTS = {
+    "arms_cross": Shot(2.4, azimuth=150.0),
+    "ball_snip": Shot(0.40, azimuth=120.0, elevation=-25.0, distance=0.5, at="palm"),
+    "corner_slide": Shot(2.6),
+    "push_box": Shot(1.9, distance=3.2),
+    "table_slide": Shot(5.7, elevation=-25.0, distance=0.9, at="palm"),
+    "two_arms": Shot(3.25),
+    "volley": Shot(0.43, azimuth=100.0, elevation=-15.0),
+    "wall_push": Shot(3.0),
+}
+"""Stills of the gallery."""
+
+
+def draw(scenarios: Iterable[Scenario], folder: Path) -> Iterator[str]:
+    """Play each scene up to its shot and draw it into `folder`; yields the names of the scenes."""
+    for scenario in scenarios:
+        shot = SHOTS.get(scenario.name, Shot(scenario.duration / 2))
+        picture = Image.fromarray(_picture(scenario, shot))
+        save = partial(picture.save, format="png", optimize=True)
+        write_beside(folder / f"{scenario.name}.png", save)
+        yield scenario.name
+
+
+def _picture(scenario: Scenario, shot: Shot) -> np.ndarray:
+    profile, dt = next(iter(ENGINES["reference"].profiles.items()))
+    recording = record(load("reference"), scenario, Settings(profile, dt))
+    frame = round(shot.time * scenario.frame_rate)
+    position, orientation = recording.position[frame], recording.orientation[frame]
+    moving = [k for k, body in enumerate(scenario.bodies) if body.kind != "fixed" and body.pieces]
+    seen = position[[scenario.body_index(shot.at)] if shot.at else moving]
+    x, y, z = ((seen.min(axis=0) + seen.max(axis=0)) / 2).tolist()
+    view = View((x, y, z), shot.distance, shot.azimuth, shot.elevation)
+    return still(scenario, position, orientation, view)

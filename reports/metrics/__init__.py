@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from touchstone.reports.metrics import posture, solver
-from touchstone.reports.metrics.contacts import contact, forces, overlap, rest
+from touchstone.reports.metrics.contacts import contact, forces, overlap
 from touchstone.reports.metrics.context import Metric
 from touchstone.reports.metrics.motion import energy, events, joints, truth
 
@@ -25,10 +25,10 @@ _ALL = (
     Metric("events.meet", "time of meeting", "s", "none", events.event_time("meet")),
     Metric("events.part", "time of parting", "s", "none", events.event_time("part")),
     Metric("events.land.place", "distance of landing", "m", "none", events.event_place("land")),
-    Metric("rest.speed", "speed at rest", "m/s", "lower", rest.rest_speed),
-    Metric("rest.lost", "bodies lost", "1", "lower", rest.rest_lost),
-    Metric("rest.settled", "settling at rest", "m", "lower", rest.rest_settled, _MM),
-    Metric("rest.drift", "drift at rest", "m", "lower", rest.rest_drift, _MM),
+    Metric("rest.speed", "speed at rest", "m/s", "lower", overlap.rest_speed),
+    Metric("rest.lost", "bodies lost", "1", "lower", overlap.rest_lost),
+    Metric("rest.settled", "settling at rest", "m", "lower", overlap.rest_settled, _MM),
+    Metric("rest.drift", "drift at rest", "m", "lower", overlap.rest_drift, _MM),
     Metric("symmetry.mirror", "asymmetry of velocity", "m/s", "lower", truth.symmetry_mirror),
     Metric("symmetry.offset", "asymmetry of position", "m", "lower", truth.symmetry_offset, _MM),
     Metric("overlap.max", "deepest overlap", "m", "lower", overlap.overlap_max, _MM),

@@ -1,7 +1,12 @@
-"""The context of a metric: a recording, its scene, and quantities derived from both, computed once."""
+"""The context of a metric: a recording, its scene, and quantities derived from both, computed once.
+
+`adapters.oracles` measures overlap and gaps (coal) and postures (pinocchio): without these libraries, which
+are core dependencies, their metrics get no verdict, and the user gets an error message.
+"""
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,7 +19,6 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.metrics.oracles import fault_text
 from touchstone.scenarios.avatar.surface_motion import material_velocity, surface_moves
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.scenario import TRACKED, Scenario
@@ -24,6 +28,32 @@ from touchstone.scenarios.truths.pair_names import PairName
 
 if TYPE_CHECKING:
     from touchstone.adapters.oracles.overlap import Distances
+
+
+JUDGES = {
+    "touchstone.adapters.oracles.overlap": "overlap, gaps and passages",
+    "touchstone.adapters.oracles.nearest_posture": "postures",
+}
+"""Quantity that each oracle measures."""
+REINSTALLED = "coal pin numba"
+"""What pip reinstalls: the oracles' packages, and numba so that numpy stays at a version that it takes."""
+
+
+def judge_faults() -> list[str]:
+    """One line per oracle that cannot be imported: the unjudged quantities and the reason."""
+    found = []
+    for module, measured in JUDGES.items():
+        try:
+            importlib.import_module(module)
+        except ImportError as error:
+            found.append(f"{measured} cannot be judged: {fault_text(error)}")
+    return found
+
+
+def fault_text(error: ImportError) -> str:
+    """The reason why an oracle is missing and how to install it, in one line."""
+    reason = str(error).partition("\n")[0]
+    return f"{reason} (pip install --force-reinstall {REINSTALLED})"
 
 
 ROUNDING = 1e-9

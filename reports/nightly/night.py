@@ -32,6 +32,10 @@ from touchstone.reports.progress import SCENE, STUDY, Progress
 from touchstone.reports.results import COLUMNS, Row, rows_of, table, write_beside
 from touchstone.reports.run.study import measure_scene
 from touchstone.reports.runner.request import Request, Results, columns_of, step_text
+from touchstone.reports.studies import calibration as calibration
+from touchstone.reports.studies import predictability, relations, robustness
+from touchstone.reports.studies.stability import play
+from touchstone.reports.studies.stability import study as stability
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, SURVIVED
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.difficulty.family import families
@@ -48,7 +52,7 @@ FAMILIES, QUICK_FAMILIES = 12, 2
 QUICK_SECONDS = 270.0
 """Time beyond which no study of a quick night may last [s]: the night must end within 5 minutes."""
 Measure = Callable[[Path, Path, Progress], pd.DataFrame]
-"""Measures into a new folder, with a scratch folder; returns the long table."""
+"""Measures into a new folder, with a folder for a store; returns the long table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,13 +74,19 @@ def studies(turn: int, quick: bool) -> list[Study]:
     """
     every = list(families())
     count = QUICK_FAMILIES if quick else FAMILIES
-    mine = [every[k % len(every)] for k in range(turn * count, (turn + 1) * count)]
+    names = [every[k % len(every)] for k in range(turn * count, (turn + 1) * count)]
+    hard = play.Scope(_columns(*play.QUICK), play.chosen(names), quick=True)
+    own, ours = _columns(*QUICK_PROFILES), (("reference", "balanced"), ("reference", "accurate"))
+    random = robustness.tasks(ours, 30, 0)
+    changed, few = ([catalogue()[name] for name in one] for one in (relations.QUICK, predictability.SCENES))
     return [
-        Study(HARD, 1, 9.0 * count, lambda out, scratch, progress: _hard(mine, out, scratch, progress)),
-        Study("robustness", 3, 60.0, _robustness),
-        Study("relations", 7, 90.0, _relations),
-        Study("calibration", 7, 90.0, _calibration),
-        Study("predictability", 14, 240.0, _predictability),
+        Study(HARD, 1, 9.0 * count, lambda out, store, progress: stability.run(hard, store, out, progress)),
+        Study("robustness", 3, 60.0, lambda out, _, progress: robustness.run(ours, random, out, progress)),
+        Study("relations", 7, 90.0, lambda out, _, progress: relations.run(own, changed, out, progress)),
+        Study("calibration", 7, 90.0, lambda out, _, progress: calibration.run(own, out, progress)),
+        Study(
+            "predictability", 14, 240.0, lambda out, _, progress: predictability.run(few, 0, out, progress)
+        ),
     ]
 
 
@@ -144,43 +154,6 @@ def described(value: float) -> str:
 
 def _columns(*profiles: str) -> tuple[tuple[str, str], ...]:
     return tuple(column for column in columns_of(ENGINES, profiles) if installed(column[0]))
-
-
-def _hard(names: Sequence[str], out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
-    """Outcomes of hard cases at three levels of difficulty."""
-    from touchstone.reports.studies.stability.play import QUICK, Scope, chosen
-    from touchstone.reports.studies.stability.study import run
-
-    return run(Scope(_columns(*QUICK), chosen(names), quick=True), scratch / "store", out, progress)
-
-
-def _robustness(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
-    """Random scenes on the reference: energy, overlap, residual."""
-    from touchstone.reports.studies.robustness import run, tasks
-
-    columns = (("reference", "balanced"), ("reference", "accurate"))
-    return run(columns, tasks(columns, 30, 0, None, 0.0), out, progress)
-
-
-def _relations(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
-    """Turned, mirrored, moved and scaled scenes."""
-    from touchstone.reports.studies.relations import QUICK, run
-
-    return run(_columns("balanced", "recommended"), [catalogue()[name] for name in QUICK], out, progress)
-
-
-def _calibration(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
-    """Restitution and friction that engines achieve."""
-    from touchstone.reports.studies.calibration.study import run
-
-    return run(_columns("balanced", "recommended"), out, progress)
-
-
-def _predictability(out: Path, scratch: Path, progress: Progress) -> pd.DataFrame:
-    """Growth of small differences."""
-    from touchstone.reports.studies.predictability import SCENES, run
-
-    return run([catalogue()[name] for name in SCENES], 0, out, progress)
 
 
 QUICK_PROBES = ("fall", "bounce_e05", "slip", "slide", "incline_holds", "collide_oblique", "cradle", "stack")
@@ -262,7 +235,9 @@ def _measure_studies(
             began = time.monotonic()
             try:
                 with scratch_folder() as scratch:
-                    frame = study.measure(scratch / "out", scratch, lambda label, steps: progress(label, 0))
+                    frame = study.measure(
+                        scratch / "out", scratch / "store", lambda label, steps: progress(label, 0)
+                    )
             except Exception as error:
                 reason = f"{type(error).__name__}: {error}".splitlines()[0]
                 found.faults.append(f"study {study.name} failed: {reason}")

@@ -123,14 +123,8 @@ def work_precision(frame: pd.DataFrame, columns: Sequence[Column]) -> str:
     return svg_of(chart.properties(width=WIDTH, height=320))
 
 
-def nights(
-    history: pd.DataFrame, title: str, unit: str, steps: Mapping[str, pd.Timestamp] | None = None
-) -> str:
-    """A series per engine over nights: columns `night`, `engine`, `value` [unit].
-
-    Args:
-        steps: label -> night at which a confirmed step begins.
-    """
+def nights(history: pd.DataFrame, unit: str) -> str:
+    """A series per engine over nights: columns `night`, `engine`, `value` [unit]."""
     marks = looks(dict.fromkeys(history.engine))
     base = alt.Chart(history).encode(
         x=alt.X("night:T", title=None),
@@ -140,12 +134,7 @@ def nights(
     layers = base.mark_line(strokeWidth=1.4) + base.mark_point(filled=True, size=16).encode(
         shape=marks["shape"], tooltip=["night:T", "engine", alt.Tooltip("value:Q", format=".4g")]
     )
-    if steps:
-        found = pd.DataFrame({"night": list(steps.values()), "label": list(steps)})
-        marks = alt.Chart(found).encode(x="night:T")
-        layers += marks.mark_rule(strokeDash=[4, 3], color="#CC3311")
-        layers += marks.mark_text(align="left", dx=4, y=8, color="#CC3311").encode(text="label:N")
-    return svg_of(layers.properties(width=WIDTH, height=150, title=title))
+    return svg_of(layers.properties(width=WIDTH, height=150))
 
 
 MOST_PAIRS = 3
@@ -182,8 +171,12 @@ def force_chart(scenario: Scenario, courses: Mapping[Column, Course]) -> str:
     for pair in pairs:
         lines = alt.Chart(_points(courses, pair)).mark_line(strokeWidth=1.3)
         panel = lines.encode(x=span, y=alt.Y("force:Q", title="force [N]"), color=color)
-        if truths := _truths(scenario, pair):
-            rule = alt.Chart(pd.DataFrame(truths)).mark_rule(strokeDash=[5, 4], color=INK)
+        truths = [t for t in scenario.forces if t.quantity == "force" and t.is_of(pair)]
+        if truths:
+            table = pd.DataFrame(
+                [(t.start, t.end, t.value) for t in truths], columns=["start", "end", "force"]
+            )
+            rule = alt.Chart(table).mark_rule(strokeDash=[5, 4], color=INK)
             panel += rule.encode(x="start:Q", x2="end:Q", y="force:Q")
         panels.append(panel.properties(width=WIDTH, height=HEIGHT, title=pair))
     return DECIMAL.sub(r"\1", svg_of(alt.vconcat(*panels)))
@@ -200,11 +193,3 @@ def _points(courses: Mapping[Column, Course], pair: str) -> pd.DataFrame:
         kept[1:-1] &= (force[:-2] != 0) | (force[1:-1] != 0) | (force[2:] != 0)
         parts.append(pd.DataFrame({"time": course.time[kept], "force": force[kept], "engine": engine}))
     return pd.concat(parts)
-
-
-def _truths(scenario: Scenario, pair: str) -> list[dict[str, float]]:
-    return [
-        {"start": truth.start, "end": truth.end, "force": truth.value}
-        for truth in scenario.forces
-        if truth.quantity == "force" and truth.is_of(pair)
-    ]

@@ -1,14 +1,15 @@
-"""Elements of a page, and what it shows. All texts are escaped here."""
+"""What a page shows, and its templates, which escape all texts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
+from typing import Any
 
 import pandas as pd
+from jinja2 import Environment, PackageLoader
+from markupsafe import Markup
 
-from touchstone.reports.results import Row, rows_of
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import Column, first_columns
 
@@ -21,65 +22,21 @@ class Linked:
     title: str = ""
     scene: str = ""
 
-    @property
-    def html(self) -> str:
-        """The element."""
-        hover = f' title="{escape(self.title)}"' if self.title else ""
-        if self.scene:
-            return f'<a href="#{scene_anchor(self.scene)}"{hover}>{escape(self.text)}</a>'
-        return f"<span{hover}>{escape(self.text)}</span>" if hover else escape(self.text)
-
 
 Inline = str | Linked | Sequence[str | Linked]
 """A cell of a table: a text, or parts of one."""
 
 
-def scene_anchor(scene: str) -> str:
-    """Name of the element with the figures of a scene, escaped."""
-    return f"scene-{escape(scene)}"
+TEMPLATES = Environment(loader=PackageLoader(__package__, "assets"), autoescape=True)
+PARTS: Any = TEMPLATES.get_template("parts.html").module
+"""Elements of a page: macros that return `Markup`."""
 
 
-def fold(title: str, body: str, name: str = "", opened: bool = False, level: int = 2) -> str:
-    """A part that opens and closes."""
-    link = f' id="{escape(name)}"' if name else ""
-    state = " open" if opened else ""
-    head = f"<h{level}>{escape(title)}</h{level}>"
-    return f"<details{link}{state}><summary>{head}</summary>{body}</details>"
-
-
-def figure(title: str, svg: str) -> str:
-    """A chart with its caption."""
-    return f'<figure class="chart"><figcaption>{escape(title)}</figcaption>{svg}</figure>'
-
-
-def plain_table(heads: Sequence[str], rows: Iterable[Sequence[Inline]], left: int = 1) -> str:
-    """A table; the first `left` columns hold words."""
-    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
-    lines = []
-    for row in rows:
-        cells = [f"<td{'' if k < left else ' class=number'}>{_html(cell)}</td>" for k, cell in enumerate(row)]
-        lines.append(f"<tr>{''.join(cells)}</tr>")
-    body = f"<thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody>"
-    return f'<div class="wide"><table>{body}</table></div>'
-
-
-def part_body(part: Part) -> str:
+def part_body(part: Part) -> Markup:
     """A part of a report without its title."""
     rows = [[str(cell) for cell in row] for row in part.rows]
-    table = plain_table(part.heads, rows, part.words) if rows else ""
-    return table + "".join(f"<p>{escape(str(line))}</p>" for line in (*part.notes, *part.lines))
-
-
-def _html(cell: Inline) -> str:
-    parts = [cell] if isinstance(cell, (str, Linked)) else cell
-    return "".join(part.html if isinstance(part, Linked) else escape(part) for part in parts)
-
-
-def long_table(heads: Sequence[str], rows: Sequence[Sequence[Inline]], shown: int, left: int = 1) -> str:
-    """A table whose rows beyond the first `shown` are folded away."""
-    first = plain_table(heads, rows[:shown], left)
-    rest = rows[shown:]
-    return first + (fold(f"{len(rest)} more", plain_table(heads, rest, left), level=3) if rest else "")
+    table = PARTS.table(part.heads, rows, part.words) if rows else ""
+    return Markup(table) + PARTS.paragraphs([str(line) for line in (*part.notes, *part.lines)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,11 +110,3 @@ class Content:
     def first_columns(self) -> list[Column]:
         """The first column of each engine: its own profile."""
         return first_columns(self.columns())
-
-
-def rows_by_scene(frame: pd.DataFrame) -> dict[str, list[Row]]:
-    """Rows of each scene, in the order of the run."""
-    found: dict[str, list[Row]] = {}
-    for row in rows_of(frame):
-        found.setdefault(row.scenario, []).append(row)
-    return found

@@ -6,18 +6,394 @@ import base64
 import hashlib
 import json
 import zlib
-from collections.abc import Mapping
-from html import escape
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from importlib.resources import files
-from string import Template
+from math import isfinite
 
-from touchstone.reports.page import charts, matrix, sections
-from touchstone.reports.page.html import Content, fold, rows_by_scene
+import pandas as pd
+from markupsafe import Markup
+
+from touchstone.reports.metrics import METRICS, label
+from touchstone.reports.page import charts
+from touchstone.reports.page.html import (
+    PARTS,
+    TEMPLATES,
+    Change,
+    Content,
+    Inline,
+    Linked,
+    part_body,
+)
 from touchstone.reports.page.playback import ALARM
-from touchstone.reports.page.sections import studies_part
-from touchstone.reports.results import Row, rows_of
-from touchstone.reports.views.matrix import SCALE, entries
-from touchstone.reports.views.tables import LEGEND
+from touchstone.reports.results import NOT_RUN, Row, by_scene, rows_of
+from touchstone.reports.runner.request import REFERENCE, reproduce, script_command
+from touchstone.reports.verdict.outcomes import CLASSES, SURVIVED
+from touchstone.reports.views.findings import losses
+from touchstone.reports.views.matrix import (
+    LIMITS,
+    SCALE,
+    TOPICS,
+    Entry,
+    Found,
+    by_cause,
+    cause_of,
+    entries,
+    missed_line,
+    shown,
+    worst_of,
+)
+from touchstone.reports.views.tables import LEGEND, MARKS, Column, exact_number, grid, headlines, quantity
+from touchstone.scenarios.plural import plural
+
+
+def title(entry: Entry) -> str:
+    """What a hover over a cell says: the figure and its subject, then every limit that is missed."""
+    lines = [missed_line(row) for row in entry.missed]
+    if entry.row.metric in (LIMITS, "run"):
+        return "\n".join([f"limits met: {entry.text}", *lines] if entry.row.metric == LIMITS else lines)
+    value, unit = quantity(entry.row.metric, entry.row.value, entry.row.unit)
+    of = f" (worst of {entry.subjects})" if entry.subjects > 1 else ""
+    head = f"{label(entry.row.metric)} {entry.row.subject}".strip()
+    return "\n".join([f"{head}{of}: {value} {unit}".strip(), *lines])
+
+
+def facts(entry: Entry) -> dict[str, object]:
+    """Details of a cell for its dialog."""
+    row = entry.row
+    head = {"scene": row.scenario, "engine": row.engine, "profile": row.profile}
+    missed = [("limit missed", f"{missed_line(one)}: {one.reason}") for one in entry.missed]
+    if row.metric == LIMITS:
+        again = reproduce(replace(row, metric="run"))
+        script = script_command(row) if any(one.verdict == "known" for one in entry.missed) else ""
+        scripts = [("as a script of the engine", script)] if script else []
+        return {**head, "facts": [("limits met", entry.text), *scripts, *missed], "command": again}
+    unit = quantity(row.metric, row.value, row.unit)[1]
+    facts = [("metric", f"{row.metric} {row.subject}".strip()), ("value", f"{shown(row)} {unit}".strip())]
+    if row.metric in METRICS:
+        facts.append(("definition", METRICS[row.metric].formula))
+    if isfinite(row.value):
+        facts.append(("value [SI]", f"{row.value!r} {row.unit}"))
+    facts += [("difference from the reference", f"{entry.apart}")]
+    if isfinite(row.limit):
+        facts.append(("limit [SI]", f"{row.limit:g} {row.unit}"))
+    facts += [("verdict", row.verdict)] if row.verdict else []
+    facts += [("reason", row.reason)] if row.reason else []
+    if any(one.verdict == "known" for one in entry.missed) and (script := script_command(row)):
+        facts.append(("as a script of the engine", script))
+    others = [fact for one, fact in zip(entry.missed, missed) if one is not row]
+    again = reproduce(entry.missed[0] if entry.missed else row)
+    return {**head, "facts": [*facts, *others], "command": again}
+
+
+HEADS = ((LIMITS, "met"), *((topic.name, topic.unit) for topic in TOPICS))
+WORST_HEADS = ((LIMITS, ""), *HEADS[1:-1], ("time", "over the fastest"))
+"""Topics with their units."""
+
+
+def matrix_table(found: Found, columns: Sequence[Column]) -> tuple[Markup, dict[str, dict[str, object]]]:
+    """The matrix as HTML, and the details of its cells by their id."""
+    cells = (
+        mine[topic, column]
+        for mine in found.values()
+        for topic, _ in HEADS
+        for column in columns
+        if (topic, column) in mine
+    )
+    return PARTS.matrix(found, columns, HEADS, title), {entry.id: facts(entry) for entry in cells}
+
+
+def worst_part(found: Found, columns: Sequence[Column]) -> Markup:
+    """A row for each column with its worst scene in each topic; "" where the matrix has one row or column."""
+    several = len(found) > 1 and len(columns) > 1
+    return Markup(PARTS.worst(worst_of(found, columns), columns, WORST_HEADS, title) if several else "")
+
+
+SHOWN = 8
+"""Rows of a table that are shown at once; those beyond are folded away."""
+MOST = 200
+"""Rows of a table at most: an engine that is missing loses thousands of figures."""
+PLACES = 6
+"""Scenes that a line names beside the worst."""
+BROKEN = ("fail", "error")
+
+
+def changes_part(changes: Sequence[Change], scenes: Collection[str]) -> Markup:
+    """A table of each kind of change, the gravest first; only that of the first kind is open."""
+    kinds = list(dict.fromkeys(change.kind for change in changes))
+    parts = []
+    for number, kind in enumerate(kinds):
+        mine = [change for change in changes if change.kind == kind]
+        rows: list[list[Inline]] = []
+        for one in mine[:MOST]:
+            figure = metric_part(one.metric, one.subject)
+            rows.append([scene_part(one.scene, scenes), one.engine, figure, one.moved, one.text])
+        heads = ("scene", "engine", "figure", "before → after", "")
+        more = [f"{len(mine) - MOST} more are stored."] if len(mine) > MOST else []
+        words = f"{len(mine)} {kind}" if kind == "gone" else plural(len(mine), kind)
+        body = PARTS.long_table(heads, rows, SHOWN, len(heads)) + PARTS.paragraphs(more)
+        parts.append(PARTS.fold(words, body, f"changes-{kind}", not number, level=3))
+    return Markup('<div class="changes">{}</div>').format(Markup("").join(parts)) if parts else Markup("")
+
+
+def scene_part(scene: str, scenes: Collection[str]) -> Linked:
+    """Name of a scene; a link where the page has its figures."""
+    return Linked(scene, scene=scene if scene in scenes else "")
+
+
+def metric_part(metric: str, subject: str = "") -> Linked:
+    """A metric by its name for readers; a hover says its name and definition."""
+    known = METRICS.get(metric)
+    return Linked(f"{label(metric)} {subject}".strip(), f"{metric}: {known.formula}" if known else metric)
+
+
+def broken_part(rows: Iterable[Row], scenes: Collection[str]) -> Markup:
+    """Broken limits and failed runs, open; "" where there are none."""
+    broken = [row for row in rows if row.verdict in BROKEN]
+    failed = sum(row.verdict == "error" for row in broken)
+    words = [(len(broken) - failed, "broken limit"), (failed, "failed run")]
+    title = " and ".join(plural(count, word) for count, word in words if count)
+    return Markup(PARTS.fold(title, causes_table(broken, scenes), "broken", True) if broken else "")
+
+
+def known_part(rows: Iterable[Row], scenes: Collection[str]) -> Markup:
+    """Known failings, folded away; "" where there are none."""
+    known = [row for row in rows if row.verdict == "known"]
+    title = plural(len(known), "known failing")
+    return Markup(PARTS.fold(title, causes_table(known, scenes), "failings") if known else "")
+
+
+def causes_table(rows: Iterable[Row], scenes: Collection[str]) -> Markup:
+    """Rows that miss a limit: one line per metric, engine and cause, with its worst place, the others, and a
+    command."""
+    lines = [_line(found, scenes) for found in by_cause(rows)]
+    heads = ("", "engine", "figure", "worst in", "value", "limit", "also in", "why", "measure it again")
+    return Markup(PARTS.long_table(heads, lines, SHOWN, len(heads)))
+
+
+def _line(found: Sequence[Row], scenes: Collection[str]) -> list[Inline]:
+    worst = found[0]
+    others = list(dict.fromkeys(row.scenario for row in found if row.scenario != worst.scenario))
+    also: list[str | Linked] = []
+    for scene in others[:PLACES]:
+        also += [", "] if also else []
+        also.append(scene_part(scene, scenes))
+    also += [f" and {len(others) - PLACES} more"] if len(others) > PLACES else []
+    value, limit = valued(worst)
+    return [
+        MARKS[worst.verdict].strip(),
+        f"{worst.engine} {worst.profile}",
+        metric_part(worst.metric, worst.subject),
+        scene_part(worst.scenario, scenes),
+        value,
+        limit,
+        also,
+        cause_of(worst),
+        reproduce(worst),
+    ]
+
+
+def valued(row: Row) -> tuple[str, str]:
+    """Value and limit of a row with their unit; a run has neither."""
+    if row.metric == "run":
+        return row.verdict, ""
+    value, unit = quantity(row.metric, row.value, row.unit)
+    if row.value != row.value:
+        value, unit = "never" if row.verdict == "fail" else "-", ""
+    limit = quantity(row.metric, row.limit, row.unit) if row.limit == row.limit else ("", "")
+    return _joined(value, unit), _joined(*limit)
+
+
+def _joined(value: str, unit: str) -> str:
+    """Value and unit that no line break parts."""
+    return f"{value}\N{NO-BREAK SPACE}{unit}" if unit else value
+
+
+HARD = "stability"
+REMARKS = ("fail", "error", "known", "unjudged")
+"""Verdicts of rows that are listed."""
+MOST_REMARKS = 60
+"""Rows of a study that are listed."""
+
+
+def studies_part(frame: pd.DataFrame) -> Markup:
+    """All studies of the long table `frame`, as HTML."""
+    parts = []
+    for study in dict.fromkeys(frame.study):
+        rows = rows_of(frame[frame.study == study])
+        title, body = ("hard cases", _hard(rows)) if study == HARD else (str(study), _counts(rows))
+        parts.append(Markup("<h3>{}</h3>{}").format(title, body))
+    return Markup("").join(parts)
+
+
+def _hard(rows: list[Row]) -> Markup:
+    columns = list(dict.fromkeys((row.engine, row.profile) for row in rows))
+    found = {(row.scenario, row.engine, row.profile): row for row in rows}
+    survived = sum(row.reason.partition(":")[0] in SURVIVED for row in rows)
+    lines = []
+    for scene in dict.fromkeys(row.scenario for row in rows):
+        cells = [found.get((scene, *column)) for column in columns]
+        lines.append([scene, *(_class(cell) for cell in cells)])
+    seen = {_class(row) for row in rows}
+    words = "; ".join(f"{name}: {text}" for name, text in CLASSES.items() if name in seen)
+    said = f"{survived} of {len(rows)} hard cases survived."
+    plays = Markup(" <code>touchstone run SCENE --engine NAME</code> plays one.")
+    cases = PARTS.table(("case", *map(" ".join, columns)), lines, len(columns) + 1)
+    return Markup(PARTS.paragraphs([said + plays]) + cases + PARTS.paragraphs([words]))
+
+
+def _class(row: Row | None) -> str:
+    return "-" if row is None else row.reason.partition(":")[0]
+
+
+def _counts(rows: list[Row]) -> Markup:
+    judged = [row for row in rows if row.verdict]
+    remarks = [row for row in judged if row.verdict in REMARKS]
+    counts = pd.Series([row.verdict for row in judged]).value_counts()
+    text = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    lines = [
+        [row.verdict, row.scenario, f"{row.engine} {row.profile}", f"{row.metric} {row.subject}".strip(),
+         exact_number(row.value), row.reason]
+        for row in remarks[:MOST_REMARKS]
+    ]  # fmt: skip
+    heads = ("verdict", "scene", "engine", "figure", "value", "reason")
+    said = PARTS.paragraphs([f"{plural(len(rows), 'figure')}; {text or 'none is judged'}."])
+    rest = [f"{len(remarks) - MOST_REMARKS} more."] if len(remarks) > MOST_REMARKS else []
+    return Markup(said + (PARTS.table(heads, lines, 6) if lines else "") + PARTS.paragraphs(rest))
+
+
+CHARTS: tuple[tuple[str, str, float, float], ...] = (
+    ("overlap.max", "deepest overlap [mm]", 1e3, 1e-7),
+    ("energy.injected", "injected energy [mJ]", 1e3, 1e-7),
+    ("friction.deficit", "missing or excess share of friction", 1.0, 1e-6),
+    ("time.frame.median", "median time of a frame [µs]", 1e6, 1e-3),
+)
+"""Metric, title, factor to the unit of the chart, and least value drawn [that unit]."""
+FORCES = "Contact force over time, mean of each frame; dashed: closed form"
+MOST_TABLES = 1_000_000
+"""Characters of tables of scenes in full: with MOST_PLAYBACK, a page stays under 5 MB."""
+
+
+def charts_part(content: Content) -> Markup:
+    """Charts over all scenes; "" where there is nothing to compare: with few scenes the matrix says it."""
+    columns = content.first_columns()
+    if len(columns) < 2 or content.frame.scenario.nunique() < charts.LEAST_SCENES:
+        return Markup("")
+    drawn = {"Work and precision: left and low is better": charts.work_precision(content.frame, columns)}
+    for metric, title, factor, floor in CHARTS:
+        drawn[label(metric)] = charts.dots(content.frame, columns, metric, factor, title, floor)
+    return Markup(PARTS.fold("Charts", PARTS.charts(drawn), "charts", True) if any(drawn.values()) else "")
+
+
+def published_part(content: Content) -> Markup:
+    """Published values with their sources, and what was measured; "" where the scenes state none."""
+    part = content.published
+    return Markup(PARTS.fold(part.title, part_body(part), "published", True) if part.rows else "")
+
+
+def measured_part(content: Content) -> Markup:
+    """Measured motions with their picture, and how far engines are from them; "" where none was played."""
+    part = content.measured
+    if not part.rows:
+        return Markup("")
+    picture = Markup('<img alt="{}" src="data:image/png;base64,{}">').format(part.title, content.picture)
+    drawn = PARTS.figure("", picture) if content.picture else Markup("")
+    return Markup(PARTS.fold(part.title, drawn + part_body(part), "measured", True))
+
+
+def nights_part(content: Content) -> Markup:
+    """Times over nights, folded away: a table of few nights, charts of more."""
+    body = PARTS.charts(content.history) if content.history else Markup("")
+    body += part_body(content.times)
+    return Markup(PARTS.fold("Times over nights", body, "nights") if body else "")
+
+
+def scene_parts(content: Content, scenes: Mapping[str, Sequence[Row]]) -> Markup:
+    """A fold for every scene: all links to scenes have their target. Tables are in full up to MOST_TABLES
+    characters; those of later scenes have the figures that miss a limit."""
+    parts, size = [], 0
+    for scene, rows in scenes.items():
+        part = _scene(content, scene, rows, True)
+        size += len(part)
+        parts.append(part if size <= MOST_TABLES else _scene(content, scene, rows, False))
+    return Markup('<section class="scenes"><h2>Figures of each scene</h2>{}</section>').format(
+        Markup("").join(parts)
+    )
+
+
+def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> Markup:
+    """Metrics of one scene in every column that played: all, or those that miss a limit."""
+    cells = grid(content.frame, scene)
+    heads = ["metric", "unit", *(f"{engine} {profile} {step} s" for engine, profile, step in cells.heads)]
+    lines: list[list[Inline]] = [
+        [metric_part(metric, subject), "" if unit == "1" else unit, *(cell.marked for cell in line)]
+        for metric, subject, unit, line in cells.rows
+        if full or any(cell.verdict in MARKS for cell in line)
+    ]
+    body = PARTS.scene(
+        scene,
+        summary=content.summaries.get(scene, ""),
+        apart=headlines(rows),
+        playable=scene in content.playback,
+        remarks=[
+            f"{row.verdict}: {row.engine} {row.profile}: {row.reason}"
+            for row in rows
+            if row.metric == "run" and row.verdict in (*NOT_RUN, "error", "known")
+        ],
+        drawn=content.forces.get(scene, ""),
+        full=full,
+        table=PARTS.table(heads, lines, 2) if lines else "",
+        forces=FORCES,
+    )
+    return Markup(PARTS.fold(scene, body, f"scene-{scene}", level=3))
+
+
+def reference_loses(frame: pd.DataFrame, scenes: Collection[str]) -> Markup:
+    """Scenes and metrics in which another engine does better than the reference."""
+    if not (frame.engine == REFERENCE).any():
+        return Markup("<p>The reference did not play.</p>")
+    lines: list[list[Inline]] = []
+    for metric, loss in ((metric, loss) for lost in losses(frame).values() for metric, loss in lost.items()):
+        mine, best = loss.first, loss.best
+        ratio = f"{abs(mine.value / best.value):.3g} times" if best.value else ""
+        texts = (valued(mine)[0], valued(best)[0], best.engine, ratio, reproduce(mine, best))
+        lines.append([scene_part(mine.scenario, scenes), metric_part(metric, mine.subject), *texts])
+    heads = ["scene", "figure", "reference", "best other", "engine", "ratio", "command"]
+    if not lines:
+        return Markup("<p>In no figure of these scenes.</p>")
+    return Markup(PARTS.long_table(heads, lines, SHOWN, 7))
+
+
+def settings_part(settings: Mapping[str, Mapping[str, object]]) -> Markup:
+    """What each engine simulated with, read back from it: one table per engine and profile, by scene."""
+    groups: dict[str, dict[str, dict[str, str]]] = {}
+    for key, facts in settings.items():
+        scene, engine, profile = key.split("/", 2)
+        played_with = facts.get("settings", {})
+        flat = {"version": facts.get("version", ""), "step [s]": facts.get("dt", "")}
+        flat |= played_with if isinstance(played_with, dict) else {}
+        groups.setdefault(f"{engine} {profile}", {})[scene] = {
+            name: str(value) for name, value in flat.items()
+        }
+    parts = []
+    for head, scenes in groups.items():
+        names = list(dict.fromkeys(name for facts in scenes.values() for name in facts))
+        rows = []
+        for name in names:
+            values: dict[str, list[str]] = {}
+            for scene, facts in scenes.items():
+                values.setdefault(facts.get(name, "-"), []).append(scene)
+            several = "; ".join(f"{value} ({', '.join(where)})" for value, where in values.items())
+            rows.append([name, next(iter(values)) if len(values) == 1 else several])
+        parts.append(Markup("<h3>{}</h3>{}").format(head, PARTS.table(["setting", "value"], rows, 2)))
+    return Markup("").join(parts) or Markup("<p>None.</p>")
+
+
+def identity_part(content: Content) -> Markup:
+    """Machine, program, libraries and command."""
+    rows = [[name, value] for name, value in content.identity]
+    return Markup(PARTS.table(["", ""], [*rows, ["command", content.command]], 2))
+
 
 MOST_PLAYBACK = 3_500_000
 """Characters of recordings in a page: scenes beyond are listed without playback, so that a page stays under
@@ -41,11 +417,12 @@ def within_budget(playback: Mapping[str, str]) -> dict[str, str]:
 
 def page(content: Content) -> str:
     """The whole page."""
-    scenes = rows_by_scene(content.frame)
+    rows = rows_of(content.frame)
+    scenes = by_scene(rows)
     playback = within_budget(content.playback)
     columns = content.columns()
     found = {scene: entries(rows, columns) for scene, rows in scenes.items()}
-    table, cells = matrix.table(found, columns)
+    table, cells = matrix_table(found, columns)
     style, script = _asset("page.css") + _colors(), _asset("player.js") + _asset("page.js")
     policy = (
         f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; img-src data:; "
@@ -53,49 +430,42 @@ def page(content: Content) -> str:
     )
     studies = studies_part(content.studies) if content.studies is not None and len(content.studies) else ""
     parts = [
-        sections.published_part(content),
-        sections.measured_part(content),
-        sections.charts_part(content),
-        sections.nights_part(content),
-        fold("Hard cases and studies", studies, "studies") if studies else "",
-        *(_scene_parts(content, scenes) if scenes else ()),
-        fold("Machine, program and command", sections.identity_part(content), "identity"),
+        published_part(content),
+        measured_part(content),
+        charts_part(content),
+        nights_part(content),
+        PARTS.fold("Hard cases and studies", studies, "studies") if studies else "",
+        *(_scene_parts(content, rows, scenes) if scenes else ()),
+        PARTS.fold("Machine, program and command", identity_part(content), "identity"),
     ]
-    return Template(_asset("page.html")).substitute(
+    return TEMPLATES.get_template("page.html").render(
         policy=policy,
         style=style,
         script=script,
-        title=escape(content.title),
+        title=content.title,
         level=content.level,
-        verdict=escape(content.verdict),
-        changes=matrix.changes_part(content.changes, scenes),
-        broken=matrix.broken_part(rows_of(content.frame), scenes),
-        worst=matrix.worst_part(found, columns),
-        matrix=_matrix(table) if scenes else "",
-        playback=_player(playback) if playback else "",
-        parts="".join(parts),
+        verdict=content.verdict,
+        changes=changes_part(content.changes, scenes),
+        broken=broken_part(rows, scenes),
+        worst=worst_part(found, columns),
+        matrix=table if scenes else "",
+        scale=SCALE,
+        legend=LEGEND.splitlines(),
+        playback=playback,
+        alarm=f"{1e3 * ALARM:g} mm",
+        parts=Markup("").join(parts),
         cells=_data({"cells": cells, "colors": charts.colors()}),
         scenes=_data(playback),
     )
 
 
-def _scene_parts(content: Content, scenes: dict[str, list[Row]]) -> tuple[str, ...]:
+def _scene_parts(content: Content, rows: list[Row], scenes: dict[str, list[Row]]) -> tuple[str, ...]:
     return (
-        matrix.known_part(rows_of(content.frame), scenes),
-        fold("Where the reference loses", sections.reference_loses(content.frame, scenes), "loses"),
-        sections.scene_parts(content, scenes),
-        fold("Settings that each engine got", sections.settings_part(content.settings), "settings"),
+        known_part(rows, scenes),
+        PARTS.fold("Where the reference loses", reference_loses(content.frame, scenes), "loses"),
+        scene_parts(content, scenes),
+        PARTS.fold("Settings that each engine got", settings_part(content.settings), "settings"),
     )
-
-
-def _matrix(table: str) -> str:
-    legend = "".join(f"<p>{escape(line)}</p>" for line in LEGEND.splitlines())
-    return Template(_asset("matrix.html")).substitute(scale=escape(SCALE), legend=legend, matrix=table)
-
-
-def _player(playback: Mapping[str, str]) -> str:
-    names = "".join(f"<option>{escape(scene)}</option>" for scene in playback)
-    return Template(_asset("player.html")).substitute(options=names, alarm=f"{1e3 * ALARM:g} mm")
 
 
 def _data(record: object) -> str:

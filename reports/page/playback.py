@@ -18,10 +18,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.motion_bounds import extent
+from touchstone.reports.exports import continuous, hull_mesh
 from touchstone.reports.metrics.context import Context
 from touchstone.scenarios.scenario import (
     Box,
@@ -124,19 +124,9 @@ def _piece(piece: Piece) -> dict[str, Any]:
         case Cone(radius, half_length):
             return shown | {"cone": [radius, half_length]}
         case Hull(vertices):
-            return shown | {"hull": _triangles(np.array(vertices))}
+            corners, _ = hull_mesh(np.array(vertices))
+            return shown | {"hull": np.round(corners.reshape(-1), 5).tolist()}
     raise TypeError(f"no picture of {type(piece.shape).__name__}")
-
-
-def _triangles(vertices: Array) -> list[float]:
-    """Corners of a hull's outward triangles, three after three [m]."""
-    hull = ConvexHull(vertices)
-    faces = vertices[hull.simplices]
-    outward = np.einsum(
-        "ij,ij->i", np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), hull.equations[:, :3]
-    )
-    faces[outward < 0] = faces[outward < 0][:, ::-1]
-    return np.round(faces.reshape(-1), 5).tolist()
 
 
 def _engine(
@@ -145,7 +135,7 @@ def _engine(
     recording = context.recording
     frames = len(recording.time)
     place = np.clip((recording.position[:, moving] - middle) / step, -INT16, INT16)
-    pose = np.concatenate([place, _continuous(recording.orientation[:, moving]) * INT16], axis=2)
+    pose = np.concatenate([place, continuous(recording.orientation[:, moving]) * INT16], axis=2)
     channels = np.rint(np.nan_to_num(pose)).astype(np.int16).transpose(2, 1, 0)
     depths = _depths(context)
     deepest = depths.max(axis=0) if len(depths) else np.zeros(frames)
@@ -171,13 +161,6 @@ def _engine(
         "worst_depth": float(deepest.max()),
         "data": base64.b64encode(zlib.compress(block, 9)).decode(),
     }
-
-
-def _continuous(quaternions: Array) -> Array:
-    """Quaternions (f, m, 4) with signs such that each is nearest to the one before."""
-    dots = np.einsum("fmi,fmi->fm", quaternions[1:], quaternions[:-1])
-    signs = np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)
-    return np.concatenate([quaternions[:1], quaternions[1:] * signs[:, :, None]])
 
 
 def _depths(context: Context) -> Array:

@@ -27,8 +27,8 @@ from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
 from touchstone.reports.results import write_beside
+from touchstone.reports.views.findings import published_part
 from touchstone.reports.views.matrix import verdict_of
-from touchstone.reports.views.published import published_part
 from touchstone.reports.views.tables import Column, first_columns
 from touchstone.scenarios.files.safe_paths import regular
 from touchstone.scenarios.scenario import Scenario

@@ -32,7 +32,7 @@ from touchstone.reports.runner.measures import (
     moving,
 )
 from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY
-from touchstone.reports.views.apart import length_text
+from touchstone.reports.views.tables import length_text
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import perturbed
 

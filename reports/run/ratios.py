@@ -24,8 +24,7 @@ from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, mean, resta
 from touchstone.reports.metrics.context import ROUNDING
 from touchstone.reports.results import UNJUDGED, Row
 from touchstone.reports.run.time_limits import AIMING, POSED_LABEL, judged_time, kind_of
-from touchstone.reports.runner.reproduce import reproduce
-from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE
+from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, reproduce
 from touchstone.reports.verdict.limits import is_foreign
 from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario

@@ -15,8 +15,7 @@ from touchstone.adapters.workers.scratch import scratch_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run.study import run as play
-from touchstone.reports.runner.reproduce import script_command
-from touchstone.reports.runner.request import Request, step_text
+from touchstone.reports.runner.request import Request, script_command, step_text
 from touchstone.scenarios.scenario import Scenario
 
 MISSED = ("fail", "known", "error")

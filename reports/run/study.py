@@ -1,32 +1,38 @@
-"""The study `run`: simulate scenes on engines, judge the recordings, and store all results in one folder."""
+"""The study `run`: simulate scenes on engines, judge the recordings, and store all results in one folder.
+
+Recordings of an earlier run are judged again; where no run has a figure of a metric, it is said why.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from math import inf, isnan, nan
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from touchstone.adapters.contract import MISSING
-from touchstone.adapters.recording import Recording, load
+from touchstone.adapters.contract import MISSING, Settings
+from touchstone.adapters.recording import Recording, load, scene_of_text
 from touchstone.adapters.registry import installed, missing_reason
 from touchstone.adapters.workers.children import Children, Job, Outcome
-from touchstone.reports.metrics import PARITY, SPREAD
+from touchstone.reports.changes import RunError, label_of, recordings_of, table_of
+from touchstone.reports.metrics import HORIZON, PARITY, SPREAD
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.page.run_page import packed_scene, write_page
 from touchstone.reports.progress import SCENE, Progress
-from touchstone.reports.results import Row, save, save_manifest, table, write_beside
+from touchstone.reports.results import Row, rows_of, save, save_manifest, table, write_beside
 from touchstone.reports.run.farthest_apart import apart_rows, measured_horizon, parity_rows
 from touchstone.reports.run.ratios import ratio_rows, timed
 from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY, Request, Results
 from touchstone.reports.verdict.judge import judged_in, lost
+from touchstone.reports.verdict.limits import Limit
 from touchstone.reports.verdict.rows import excused, measured_of
-from touchstone.reports.views.comparison_pictures import draw
+from touchstone.reports.views.comparison import draw
 from touchstone.reports.views.frame_budget import BUDGET_PICTURE, write_picture
 from touchstone.reports.views.markdown import report
 from touchstone.scenarios.plural import plural
@@ -207,3 +213,97 @@ def judge_outcomes(
     if request.metrics:
         return rows
     return rows + [row for base in bases for row in lost(base, rows)]
+
+
+REASONS = 2
+"""Reasons that a line has [1]."""
+
+
+def without_figures(asked: Sequence[str], results: Results) -> str:
+    """Why scenes that played have no figure of any metric asked for, and which metrics have figures; empty
+    where one has, or a verdict."""
+    rows = [row for row in rows_of(results.frame) if row.metric in asked]
+    if not asked or not results.recordings or any(row.verdict != "skipped" for row in rows):
+        return ""
+    scenes = {name: None for name, *_ in results.recordings}
+    where = next(iter(scenes)) if len(scenes) == 1 else f"these {len(scenes)} scenes"
+    reasons = list(dict.fromkeys(row.reason for row in rows if row.reason))
+    why = "; ".join(reasons) if len(reasons) <= REASONS else "nothing in it that they measure"
+    why = why or "it compares columns; name another engine or profile"
+    return f"no figure in {where}: {why} (valid here: {', '.join(families(_measured(results)))})"
+
+
+def families(names: Iterable[str]) -> list[str]:
+    """Names of metrics; several that begin with the same word as one pattern for `--metric`."""
+    of_family: dict[str, list[str]] = {}
+    for name in dict.fromkeys(names):
+        of_family.setdefault(name.partition(".")[0], []).append(name)
+    return [mine[0] if len(mine) == 1 else f"{family}.*" for family, mine in sorted(of_family.items())]
+
+
+def _measured(results: Results) -> Collection[str]:
+    """Names of the metrics of which a recording has figures."""
+    found: dict[str, None] = {}
+    for (scene, engine, label), recording in results.recordings.items():
+        base = Row(STUDY, scene, engine, label, float(recording.facts["dt"]), "run")
+        rows = measured_of(base, Context(recording, scene_of_text(recording.scenario)))
+        found |= dict.fromkeys(row.metric for row in rows if row.verdict != "skipped")
+    return found
+
+
+def outcomes_of(folder: Path) -> dict[str, list[Outcome]]:
+    """Outcomes per scene, from the recordings of a run; raises RunError."""
+    found: dict[str, list[Outcome]] = {}
+    scenes: dict[str, Scenario] = {}
+    for path, recording in recordings_of(folder):
+        scenario = scene_of_text(recording.scenario)
+        _, engine, label = label_of(path, recording)
+        settings = Settings(label, float(recording.facts["dt"]))
+        scenario = scenes.setdefault(scenario.name, scenario)
+        job = Job(engine, scenario, settings, path, path.with_suffix(".txt"))
+        status = "error" if recording.ended else "done"
+        found.setdefault(scenario.name, []).append(Outcome(job, status, recording.ended))
+    return found
+
+
+def _stored_horizon(folder: Path, scene: str) -> float:
+    """Horizon of a scene in the table of a run, which recordings do not tell; NaN without one."""
+    try:
+        frame = table_of(folder)
+    except RunError:
+        return nan
+    return float(frame.value[(frame.scenario == scene) & (frame.metric == HORIZON)].max())
+
+
+def judge(
+    folder: Path,
+    out: Path,
+    progress: Progress,
+    metrics: tuple[str, ...] = (),
+    limits: Iterable[Limit] = (),
+    command: str = "",
+) -> Results:
+    """Judge the recordings of a run again; writes table and manifest to a new folder.
+
+    Args:
+        metrics: report these alone; empty: all.
+        limits: those of a file, which come before the scenes' own and ours.
+    Raises:
+        RunError: the folder holds no recordings, or one that cannot be read.
+        OutputError: `out` cannot be written.
+    """
+    outcomes = outcomes_of(folder)
+    jobs = [outcome.job for each in outcomes.values() for outcome in each]
+    columns = dict.fromkeys((job.engine, job.settings.profile) for job in jobs)
+    scenarios = tuple(each[0].job.scenario for each in outcomes.values())
+    request = Request(scenarios, tuple(columns), out, metrics=metrics, command=command, limits=tuple(limits))
+    rows: list[Row] = []
+    results = Results(table(rows))
+    with output_folder(out) as part:
+        for scenario in scenarios:
+            found = partial(_stored_horizon, folder, scenario.name)
+            rows += judge_outcomes(request, scenario, outcomes[scenario.name], results, progress, found)
+        results.frame = table([row for row in rows if not metrics or row.metric in (*metrics, "run")])
+        save(results.frame, part)
+        save_manifest(part, {"command": command, "judged": str(folder)})
+    return results

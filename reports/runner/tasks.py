@@ -10,7 +10,7 @@ from typing import Any
 from touchstone.adapters.contract import Engine, Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording, RunEnded
-from touchstone.adapters.registry import ENGINES, load
+from touchstone.adapters.registry import ENGINES, installed, load
 from touchstone.adapters.workers.pool import EngineTask, Loader, played_in_pool
 from touchstone.reports.progress import Progress
 from touchstone.scenarios.scenario import Scenario
@@ -56,6 +56,14 @@ def own_step(engine: str, profile: str = "") -> float:
 def own_settings(engine: str, dt: float = 0.0, effects: tuple[str, ...] | None = None) -> Settings:
     """Settings of an engine's own profile at its step, or at another."""
     return Settings(own_profile(engine), dt or own_step(engine), effects=effects)
+
+
+def tasks_of(scenes: Sequence[Scenario], columns: Sequence[tuple[str, str]]) -> list[Task]:
+    """Every scene in every (engine, profile) column of an installed engine, at the profile's step."""
+    settings = [
+        (name, Settings(profile, own_step(name, profile))) for name, profile in columns if installed(name)
+    ]
+    return [Task(scene, *one) for scene in scenes for one in settings]
 
 
 def played(

@@ -35,14 +35,14 @@ from touchstone.reports.runner.request import step_text
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.runner.tasks import PROCESSES, Task, own_profile, own_settings, own_step, played
 from touchstone.reports.studies.study import RefusedError, failures, kept, missing_rows
-from touchstone.reports.studies.work_precision.definitions import (
+from touchstone.reports.studies.work_precision.points import (
     FINER,
     REFERENCE,
     TRUTH_PROFILE,
+    SweptRuns,
+    errors_of,
     truth_cells,
 )
-from touchstone.reports.studies.work_precision.errors import errors_of
-from touchstone.reports.studies.work_precision.points import SweptRuns
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
@@ -159,11 +159,7 @@ def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.Data
 
 def band_cells(scenario: Scenario) -> list[Cell]:
     """Converged solutions of a scene without a closed form, and every installed engine at its own step."""
-    return [*_truth_cells(scenario), *own_cells(scenario)]
-
-
-def _truth_cells(scenario: Scenario) -> list[Cell]:
-    return truth_cells(scenario.name, drive=_drive(scenario))
+    return [*truth_cells(scenario.name, drive=_drive(scenario)), *own_cells(scenario)]
 
 
 def own_cells(scenario: Scenario) -> list[Cell]:
@@ -189,7 +185,7 @@ def _band_rows(scenario: Scenario, folder: Path, progress: Progress) -> list[Row
     cells = band_cells(scenario)
     swept = SweptRuns(sweep(cells, folder / "cells", progress=progress, jobs=PROCESSES, series=True))
     rows = missing_rows(STUDY, [(engine, own_profile(engine)) for engine in ENGINES], scenario.name)
-    truth = swept.truth(scenario, _truth_cells(scenario))
+    truth = swept.truth(scenario, truth_cells(scenario.name, drive=_drive(scenario)))
     band = truth.band if truth else None
     if truth is None or band is None:
         return rows
@@ -381,10 +377,6 @@ def _cells(model: Row, mine: list[Row], lone: str) -> list[str]:
     return [
         model.engine + ("*" if model.engine == lone else ""),
         step_text(step.dt),
-        *map(_number, (error.value, step.value, model.value)),
+        *("0" if one.value < ROUNDING else number(one.value) for one in (error, step, model)),
         "!" if model.reason else "",
     ]
-
-
-def _number(value: float) -> str:
-    return "0" if value < ROUNDING else number(value)

@@ -31,9 +31,16 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.tasks import Task, own_profile, own_settings, played
-from touchstone.reports.studies.study import kept, missing_rows, with_interval
+from touchstone.reports.studies.study import (
+    MICRO,
+    kept,
+    limit_text,
+    missing_rows,
+    remarks,
+    value_text,
+    with_interval,
+)
 from touchstone.reports.verdict.judge import judged
-from touchstone.reports.views.bench_tables import MICRO, limit_text, remarks, value_text
 from touchstone.reports.views.pictures import INK, PALE, by, looks, rule, save
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
@@ -260,17 +267,12 @@ def report(frame: pd.DataFrame) -> list[Part]:
     ]
 
 
-def outcome(row: Row | None) -> str:
-    """Verdict on the outcome in a row: its code."""
-    return "" if row is None else row.reason_code
-
-
 def mark(rows: dict[tuple[str, str, str, str], Row], scenario: str, effect: str) -> str:
     """Mark of the outcome of toggling an effect on the reference."""
     for sign, words in (("-", {MATTERS: "M", WITHIN: "~", IDENTICAL: "="}), ("+", {IDENTICAL: "."})):
         row = rows.get((scenario, REFERENCE, "effects.moved", sign + effect))
         if row is not None:
-            return words.get(outcome(row), "!")
+            return words.get(row.reason_code, "!")
     return "x"
 
 
@@ -286,7 +288,7 @@ def _cells(rows: dict[tuple[str, str, str, str], Row], scenario: str, engine: st
         "" if saved is None else _percent(saved.value),
         "" if saved is None else f"{_percent(saved.low)} to {_percent(saved.high)}",
         _difference(moved),
-        outcome(moved),
+        "" if moved is None else moved.reason_code,
         "" if plan is None else exact_number(1e3 * plan.value),
     ]
 

@@ -24,9 +24,7 @@ from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.runner.tasks import own_profile, own_step
 from touchstone.reports.studies.study import failures, kept
 from touchstone.reports.studies.tuning import values_of
-from touchstone.reports.studies.work_precision.definitions import QUANTITIES
-from touchstone.reports.studies.work_precision.errors import errors_of
-from touchstone.reports.studies.work_precision.points import SweptRuns, reproduce
+from touchstone.reports.studies.work_precision.points import QUANTITIES, SweptRuns, errors_of, reproduce
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import catalogue
 

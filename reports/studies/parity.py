@@ -13,18 +13,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from touchstone.adapters.contract import STATE_FIELDS, Array, Engine, Settings
-from touchstone.adapters.registry import ENGINES, backend_of, installed, registered
+from touchstone.adapters.contract import STATE_FIELDS, Array, Engine
+from touchstone.adapters.registry import backend_of, installed, registered
 from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
 from touchstone.reports.run.farthest_apart import THRESHOLD
 from touchstone.reports.runner.measures import last_within
-from touchstone.reports.runner.tasks import Task, played
+from touchstone.reports.runner.tasks import Task, played, tasks_of
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
-from touchstone.reports.views.apart import length_text
 from touchstone.reports.views.render import Part
+from touchstone.reports.views.tables import length_text
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.transforms import permuted
 
@@ -79,12 +79,7 @@ def path(engine: Engine, task: Task) -> Array:
 
 def tasks(columns: Sequence[Column], scenes: Sequence[Scenario]) -> list[Task]:
     """Every scene in every column of an installed engine."""
-    return [
-        Task(scene, engine, Settings(profile, ENGINES[engine].profiles[profile]))
-        for engine, profile in columns
-        if installed(engine)
-        for scene in scenes
-    ]
+    return [task for column in columns for task in tasks_of(scenes, [column])]
 
 
 def steps(columns: Sequence[Column], scenes: Sequence[Scenario]) -> int:

@@ -21,13 +21,13 @@ from touchstone.adapters.contract import AdapterError, Array, Engine, Settings
 from touchstone.adapters.knobs import Range
 from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import Recording
-from touchstone.adapters.registry import ENGINES, installed, settings_of
+from touchstone.adapters.registry import settings_of
 from touchstone.adapters.workers.pool import Ended
 from touchstone.reports.metrics.motion.joints import joint_motion
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
-from touchstone.reports.runner.tasks import Task, played
+from touchstone.reports.runner.tasks import Task, played, tasks_of
 from touchstone.reports.studies.study import Column, failures, kept, missing_rows
 from touchstone.reports.views.pictures import log_axis, rule, save, strips
 from touchstone.reports.views.render import Part
@@ -215,20 +215,10 @@ def default_scenes() -> list[Scenario]:
     return [scene for scene in scenes if len(scene.bodies) <= MOST_BODIES]
 
 
-def tasks(columns: Sequence[Column], scenes: Sequence[Scenario]) -> list[Task]:
-    """Every scene in every column of an installed engine."""
-    return [
-        Task(scene, engine, Settings(profile, ENGINES[engine].profiles[profile]))
-        for scene in scenes
-        for engine, profile in columns
-        if installed(engine)
-    ]
-
-
 def run(columns: Sequence[Column], scenes: Sequence[Scenario], out: Path, progress: Progress) -> pd.DataFrame:
     """Play all tasks; the folder appears complete or not at all."""
     with output_folder(out) as folder:
-        asked = tasks(columns, scenes)
+        asked = tasks_of(scenes, columns)
         found = played(compare, asked, folder / "output", progress)
         rows = missing_rows(STUDY, columns)
         for task, one in zip(asked, found):

@@ -301,14 +301,10 @@ def _column(title: str, part: pd.DataFrame) -> Part:
         rows = {row.metric: row for row in rows_of(part[part.scenario == kind])}
         if rows:
             counts = {outcome: int(rows[metric].value) for outcome, metric in zip(RANDOM_CLASSES, COUNTS)}
-            cells = (_cell(rows.get(metric)) for metric in shown.values())
+            cells = (short(rows[metric].value) if metric in rows else "" for metric in shown.values())
             lines += [[]] if kind == ALL else []
             lines.append([kind, str(sum(counts.values())), *(str(counts[one] or "") for one in seen), *cells])
     return Part(title, ["kind", "runs", *seen, *shown], lines)
-
-
-def _cell(row: Row | None) -> str:
-    return "" if row is None else short(row.value)
 
 
 def short(value: float) -> str:

@@ -18,17 +18,34 @@ from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.knobs import Choice, Numbers, Range, Setting, split
 from touchstone.adapters.recorder import substeps
 from touchstone.adapters.registry import ENGINES, settings_of
+from touchstone.adapters.scripts.process import settings_lines
 from touchstone.reports.progress import Progress
 from touchstone.reports.runner.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
-from touchstone.reports.runner.executors import Executor, InTurns
 from touchstone.reports.runner.measures import closed_path
-from touchstone.reports.runner.sweep import sweep
+from touchstone.reports.runner.sweep import Executor, InTurns, sweep
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.work_precision.cheapest import TIME, MeasuredSetting, cheapest, rated
-from touchstone.reports.studies.work_precision.definitions import QUANTITIES, truth_cells
-from touchstone.reports.studies.work_precision.errors import TrueMotion, errors_of
-from touchstone.reports.studies.work_precision.points import SweptRuns, band, reproduce, timing_cell
+from touchstone.reports.studies.work_precision.points import (
+    QUANTITIES,
+    SweptRuns,
+    TrueMotion,
+    band,
+    errors_of,
+    reproduce,
+    timing_cell,
+    truth_cells,
+)
+from touchstone.reports.studies.work_precision.study import (
+    TIME,
+    MeasuredSetting,
+    cheapest,
+    margins,
+    number,
+    rated,
+    setting_row,
+    words_of,
+)
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario
 
 FACTORS = (0.1, 0.25, 0.5, 2.0, 4.0, 10.0)
@@ -45,20 +62,6 @@ LADDER = (1, 2, 4, 8, 16, 32, 64)
 """Steps of a frame of 1/60 s that are tried; a scene of another rate has as many a frame."""
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """A setting of an engine: profile, native step [s], and changes as `Settings.changes`."""
-
-    profile: str
-    dt: float
-    changes: tuple[str, ...] = ()
-
-    @property
-    def settings(self) -> Settings:
-        """How to run the engine."""
-        return Settings(self.profile, self.dt, self.changes)
-
-
 class Space:
     """Candidates of an engine in scenes."""
 
@@ -70,16 +73,16 @@ class Space:
         ]
         self._texts = [text for one in self._table.values() for text in values_of(one)]
 
-    def profiles(self) -> list[Candidate]:
+    def profiles(self) -> list[Settings]:
         """Every profile at its own step."""
-        return list(dict.fromkeys(Candidate(name, dt) for name, dt in self._profiles.items()))
+        return list(dict.fromkeys(Settings(name, dt) for name, dt in self._profiles.items()))
 
-    def first(self, rng: np.random.Generator) -> list[Candidate]:
+    def first(self, rng: np.random.Generator) -> list[Settings]:
         """Every profile at its step, then in drawn order: every profile at every step, and after each two
         settings changed alone in the first profile. `equal-step` is another profile at one step."""
         name, dt = next(iter(self._profiles.items()))
-        steps = [Candidate(one, step) for one in self._profiles if one != "equal-step" for step in self.steps]
-        alone = [one for text in self._texts if (one := self.changed(Candidate(name, dt), text))]
+        steps = [Settings(one, step) for one in self._profiles if one != "equal-step" for step in self.steps]
+        alone = [one for text in self._texts if (one := self.changed(Settings(name, dt), text))]
         for several in (steps, alone):
             rng.shuffle(several)
         found = self.profiles()
@@ -88,24 +91,24 @@ class Space:
             del steps[:1], alone[:2]
         return list(dict.fromkeys(found))
 
-    def changed(self, candidate: Candidate, text: str) -> Candidate | None:
+    def changed(self, candidate: Settings, text: str) -> Settings | None:
         """A candidate with one more change, or another value of a changed one; None if it does nothing."""
         others = [one for one in candidate.changes if split(one)[0] != split(text)[0]]
         try:
             changes = self._table.changes(candidate.profile, (*others, text))
         except AdapterError:
             return None
-        found = Candidate(candidate.profile, candidate.dt, changes)
+        found = Settings(candidate.profile, candidate.dt, changes)
         return None if found == candidate else found
 
-    def near(self, candidate: Candidate, others: Iterable[Candidate], rng: np.random.Generator) -> Candidate:
+    def near(self, candidate: Settings, others: Iterable[Settings], rng: np.random.Generator) -> Settings:
         """A candidate that differs in one thing: a change of another good one, a value, or the step."""
         known = list(others)
         for _ in range(20):
             kind = int(rng.integers(4))
-            found: Candidate | None = None
+            found: Settings | None = None
             if kind == 0 and self.steps:
-                found = Candidate(
+                found = Settings(
                     candidate.profile, self.steps[int(rng.integers(len(self.steps)))], candidate.changes
                 )
             elif kind == 1 and known:
@@ -120,9 +123,9 @@ class Space:
                 return found
         return candidate
 
-    def _joined(self, candidate: Candidate, other: Candidate) -> Candidate | None:
+    def _joined(self, candidate: Settings, other: Settings) -> Settings | None:
         """A candidate with the changes of another too."""
-        found: Candidate | None = candidate
+        found: Settings | None = candidate
         for text in other.changes:
             found = (found and self.changed(found, text)) or found
         return found
@@ -218,7 +221,7 @@ class Found:
 
     met: bool
     best: MeasuredSetting
-    candidate: Candidate
+    candidate: Settings
     ablation: dict[str, MeasuredSetting] = field(default_factory=dict)
     profiles: list[MeasuredSetting] = field(default_factory=list)
     tried: int = 0
@@ -231,7 +234,7 @@ class Search:
         self._asked, self._progress = asked, progress
         self.space = Space(asked.engine, list(asked.scenes.values()))
         self._rng = np.random.default_rng(asked.seed)
-        self._errors: dict[tuple[Candidate, str], tuple[dict[str, float], float]] = {}
+        self._errors: dict[tuple[Settings, str], tuple[dict[str, float], float]] = {}
 
     @property
     def truths(self) -> list[Cell]:
@@ -253,9 +256,9 @@ class Search:
         self._play(first, scenes)
         self._check(first)
         pool = self._tried(self.space.first(self._rng)[: max(len(first), asked.plays // 2)], self._some(0))
-        for number in range(1, ROUNDS + 1):
-            names, count = self._some(number), (asked.plays - len(self._known)) // (ROUNDS + 1 - number)
-            kept = pool[: max(1, len(pool) // 2)][: max(2, asked.plays // 2 ** (number + 1))]
+        for round_ in range(1, ROUNDS + 1):
+            names, count = self._some(round_), (asked.plays - len(self._known)) // (ROUNDS + 1 - round_)
+            kept = pool[: max(1, len(pool) // 2)][: max(2, asked.plays // 2 ** (round_ + 1))]
             pool = self._tried([*kept, *self._new(kept, count)], names)
         tried = len(self._known)
         finalists = self._tried(pool[: 2 * FINALISTS], scenes)[:FINALISTS]
@@ -273,14 +276,14 @@ class Search:
         return Found(answer.met, answer.best, candidate, ablation, profiles, tried)
 
     @property
-    def _known(self) -> set[Candidate]:
+    def _known(self) -> set[Settings]:
         """Settings that were played."""
         return {candidate for candidate, _ in self._errors}
 
-    def _new(self, kept: Sequence[Candidate], count: int) -> list[Candidate]:
+    def _new(self, kept: Sequence[Settings], count: int) -> list[Settings]:
         """`count` settings near those kept, mostly the better ones, that were not played; fewer where DRAWS
         for each find no more."""
-        known, found = self._known, dict[Candidate, None]()
+        known, found = self._known, dict[Settings, None]()
         for _ in range(DRAWS * count):
             if len(found) == count:
                 break
@@ -289,7 +292,7 @@ class Search:
             found |= {} if near in known else {near: None}
         return list(found)
 
-    def ablations(self, best: Candidate) -> dict[str, Candidate]:
+    def ablations(self, best: Settings) -> dict[str, Settings]:
         """What is put back to the engine's default -> the best setting without it."""
         entry = self.space.profiles()
         plain = next((one for one in entry if one.profile == "default"), entry[0])
@@ -300,7 +303,7 @@ class Search:
         if best.dt != plain.dt:
             found["at the default step"] = replace(best, dt=plain.dt)
         if best.profile != plain.profile:
-            moved: Candidate = Candidate(plain.profile, best.dt)
+            moved: Settings = Settings(plain.profile, best.dt)
             for text in best.changes:
                 moved = self.space.changed(moved, text) or moved
             found[f"profile {plain.profile} instead of {best.profile}"] = moved
@@ -315,25 +318,25 @@ class Search:
         order = np.random.default_rng(self._asked.seed).permutation(len(names))[:count]
         return [names[k] for k in sorted(order)]
 
-    def _tried(self, candidates: Sequence[Candidate], names: Sequence[str]) -> list[Candidate]:
+    def _tried(self, candidates: Sequence[Settings], names: Sequence[str]) -> list[Settings]:
         """The candidates, best first."""
         distinct = list(dict.fromkeys(candidates))
         self._play(distinct, names)
         scored = [(one, self._rating(one, names)) for one in distinct]
         return [one for one, _ in sorted(scored, key=lambda pair: pair[1])]
 
-    def _rating(self, candidate: Candidate, names: Sequence[str]) -> tuple[float, float]:
+    def _rating(self, candidate: Settings, names: Sequence[str]) -> tuple[float, float]:
         """Excess over the limits, 1 where all are met, and time: lower is better."""
         setting = rated(self._setting(candidate, names), self._asked.limits)
         return max(1.0, setting.excess), setting.time
 
-    def _cell(self, candidate: Candidate, name: str) -> Cell:
+    def _cell(self, candidate: Settings, name: str) -> Cell:
         source, _ = sources_of(name)
         return Cell(
             name, self._asked.engine, candidate.profile, candidate.dt, candidate.changes, source=source
         )
 
-    def _play(self, candidates: Sequence[Candidate], names: Sequence[str]) -> None:
+    def _play(self, candidates: Sequence[Settings], names: Sequence[str]) -> None:
         """Play what is not known yet."""
         keys = [(one, name) for one in candidates for name in names if (one, name) not in self._errors]
         cells = {key: self._cell(*key) for key in dict.fromkeys(keys)}
@@ -370,7 +373,7 @@ class Search:
             for name, scenario in self._asked.scenes.items()
         }
 
-    def _check(self, profiles: Sequence[Candidate]) -> None:
+    def _check(self, profiles: Sequence[Settings]) -> None:
         """Refuse if no profile has a quantity of the limits in any scene."""
         every = [self._errors[one, name][0] for one in profiles for name in self._asked.scenes]
         has = [name for name in QUANTITIES if any(name in errors for errors in every)]
@@ -382,7 +385,7 @@ class Search:
             raise RefusedError(f"no {' and no '.join(gone)} is measured here; there is {', '.join(has)}")
 
     def _setting(
-        self, candidate: Candidate, names: Sequence[str], times: Sequence[float] = ()
+        self, candidate: Settings, names: Sequence[str], times: Sequence[float] = ()
     ) -> MeasuredSetting:
         """A candidate with its worst errors and its longest frame over scenes."""
         known = [self._errors[candidate, name] for name in names]
@@ -396,7 +399,7 @@ class Search:
         label = self._asked.engine, candidate.profile, " ".join(candidate.changes), candidate.dt
         return MeasuredSetting(*label, time, low, high, errors, 0.0, "", reproduce(where, False))
 
-    def _timed(self, candidates: Sequence[Candidate]) -> dict[Candidate, MeasuredSetting]:
+    def _timed(self, candidates: Sequence[Settings]) -> dict[Settings, MeasuredSetting]:
         """Candidates with the times of their frames, alone on one core, each round with new processes."""
         names, rounds = list(self._asked.scenes), range(self._asked.timings)
         ended = [one for one in candidates if all(self._errors[one, name][0] for name in names)]
@@ -422,3 +425,67 @@ def sources_of(name: str) -> tuple[str, str]:
 def _same(one: MeasuredSetting, other: MeasuredSetting) -> bool:
     keys = ("profile", "settings", "dt")
     return all(getattr(one, key) == getattr(other, key) for key in keys)
+
+
+def cost_lines(asked: Asked) -> list[str]:
+    """What is about to be played."""
+    seconds = sum(scenario.duration for scenario in asked.scenes.values())
+    search = Search(asked, lambda label, cells: None)
+    truths, plays = len(search.truths), max(asked.plays, len(search.space.profiles()))
+    also = f", {plural(truths, 'play')} of the reference for what is true" if truths else ""
+    scenes = (
+        f"{len(asked.scenes)} scenes" if len(asked.scenes) > 1 else next(iter(asked.scenes.values())).name
+    )
+    return [
+        f"tune {scenes} on {asked.engine}: {plays} settings of {seconds:g} simulated seconds{also}; "
+        f"Ctrl-C keeps what was played in {asked.store}"
+    ]
+
+
+def lines_to_paste(asked: Asked, found: Found) -> list[str]:
+    """Lines that set the best setting in the engine's own API, as in the scripts of `reproduce`."""
+    several = [settings_lines(scene, asked.engine, [found.candidate])[0] for scene in asked.scenes.values()]
+    return list(dict.fromkeys(line for part in several for line in part))
+
+
+def tuned_lines(asked: Asked, found: Found, pasted: list[str]) -> list[str]:
+    """The answer as text."""
+    best = found.best
+    head = "best" if found.met else "no setting reaches the limits; nearest"
+    every = "" if found.tried >= asked.plays else ", all that differ"
+    text = [f"{head} of {found.tried} settings{every}: {words_of(best)}"]
+    text += [f"  {margins(best, asked.limits)}", "to paste:"]
+    text += [f"  {line}" for line in pasted]
+    if found.ablation:
+        text.append("what each setting does, put back to the default:")
+        text += [f"  {what}: {compared(one, best, asked.limits)}" for what, one in found.ablation.items()]
+    text.append("profiles as they are:")
+    text += [f"  {words_of(one)}; {margins(one, asked.limits)}" for one in found.profiles]
+    text.append(f"again: {best.command}")
+    if len(asked.scenes) == 1:
+        text.append(f"as a script: {best.command.replace('touchstone run', 'touchstone reproduce')}")
+    return text
+
+
+def compared(one: MeasuredSetting, best: MeasuredSetting, limits: Mapping[str, float]) -> str:
+    """Errors and time of a setting, and over those of the best."""
+    if not isfinite(one.excess):
+        return "does not play to the end, or lets bodies pass through each other"
+    parts = []
+    for name in [*(name for name in limits if name != TIME), TIME]:
+        value, other = (s.time if name == TIME else s.errors[name] for s in (one, best))
+        unit = "s" if name == TIME else QUANTITIES[name].unit
+        ratio = f" ({value / other:.3g} times)" if other else ""
+        parts.append(f"{name} {number(value, unit)}{ratio}")
+    return "; ".join(parts)
+
+
+def tuned_rows(asked: Asked, found: Found, pasted: list[str]) -> list[dict[str, object]]:
+    """The best setting, its ablation and the profiles, a row each (`setting_row`)."""
+    places = [("best" if found.met else "nearest", found.best), *found.ablation.items()]
+    places += [("profile", one) for one in found.profiles]
+    return [
+        setting_row(place, one, asked.limits, excess=one.excess if isfinite(one.excess) else None)
+        | {"paste": "\n".join(pasted) if one is found.best else ""}
+        for place, one in places
+    ]

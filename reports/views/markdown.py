@@ -10,9 +10,6 @@ import pandas as pd
 
 from touchstone.reports.metrics import HORIZON, SPREAD
 from touchstone.reports.results import rows_of
-from touchstone.reports.views.apart import HEADS as APART_HEADS
-from touchstone.reports.views.apart import TITLE as APART
-from touchstone.reports.views.apart import apart_table
 from touchstone.reports.views.comparison import (
     FORCE_PICTURE,
     Columns,
@@ -26,11 +23,18 @@ from touchstone.reports.views.comparison import (
     sections,
     worst_lines,
 )
+from touchstone.reports.views.findings import losses_part, published_part
 from touchstone.reports.views.frame_budget import budget_part
-from touchstone.reports.views.losses import losses_part
-from touchstone.reports.views.published import published_part
 from touchstone.reports.views.render import Part, markdown
-from touchstone.reports.views.tables import LEGEND, TableCell, cell_of, number
+from touchstone.reports.views.tables import (
+    APART,
+    APART_HEADS,
+    LEGEND,
+    TableCell,
+    apart_table,
+    cell_of,
+    number,
+)
 from touchstone.reports.views.terminal import grid_part, ratio_part, remark_lines
 from touchstone.scenarios.plural import plural
 

@@ -1,35 +1,49 @@
-"""The tables of a run on a terminal."""
+"""Tables of a run on a terminal, and the first screen: a matrix, what is broken or new, and where to look."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 
 import pandas as pd
 from rich.text import Text
 
 from touchstone.adapters.recording import Recording
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, rows_of
-from touchstone.reports.runner.reproduce import script_command
+from touchstone.reports.results import NOT_RUN, UNJUDGED, Row, by_scene, rows_of
+from touchstone.reports.runner.request import reproduce, script_command
 from touchstone.reports.verdict.judge import WORST_LAST, Count, counted
-from touchstone.reports.views.apart import TITLE as APART
-from touchstone.reports.views.apart import apart_table, headlines
+from touchstone.reports.views.findings import loss_rows, losses_part
 from touchstone.reports.views.frame_budget import budget_part
-from touchstone.reports.views.losses import losses_part
+from touchstone.reports.views.matrix import (
+    LIMITS,
+    TOPICS,
+    Entry,
+    Found,
+    by_cause,
+    entries,
+    verdict_of,
+    worst_of,
+)
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import (
+    APART,
     HIDDEN,
     LEGEND,
     MARKS,
     Column,
     TableCell,
+    apart_table,
     cell_of,
     columns_of,
     grid,
+    headlines,
     number,
+    quantity,
     unit_of,
 )
+from touchstone.scenarios.plural import plural
 
 NOT_MET = ("known", "fail", "error")
 """Verdicts that stand out, the worst last."""
@@ -57,23 +71,18 @@ def overview(frame: pd.DataFrame, shown: Collection[Column] = ()) -> list[Part]:
     ]
     rows = [row for row in rows if not shown or (row.engine, row.profile) in shown]
     columns = columns_of(rows)
-    scenes: dict[str, list[Row]] = {}
-    for row in rows:
-        scenes.setdefault(row.scenario, []).append(row)
+    scenes = by_scene(rows)
     counts = {name: counted(part, list(columns)) for name, part in scenes.items()}
     figures = [
         line for name, part in scenes.items() for line in _section(name, part, list(columns), counts[name])
     ]
     totals = [[" ".join(c), *map(str, _total(scenes.values(), counts.values(), c))] for c in columns]
     remarks = _remarks(rows) + _not_applicable(counts.values())
+    heads = [f"{engine}\n{profile}\n{step} s" for (engine, profile), step in columns.items()]
     return [
-        Part("", ["scene", "unit", *_heads(columns)], figures, OVERVIEW_LEGEND.splitlines(), words=2),
+        Part("", ["scene", "unit", *heads], figures, OVERVIEW_LEGEND.splitlines(), words=2),
         Part("", ["engine", *TOTALS], totals, lines=remarks, wrap=True),
     ]
-
-
-def _heads(columns: Mapping[Column, str]) -> list[str]:
-    return [f"{engine}\n{profile}\n{step} s" for (engine, profile), step in columns.items()]
 
 
 def _section(
@@ -97,7 +106,8 @@ def _section(
     outcome = [text_of(_outcome(rows, column, counts)) for column in columns]
     lines: list[list[str | Text]] = [[], [Text(name, style="bold"), "", *outcome]]
     for metric in kept:
-        cells = (_overview_cell(found[metric].get(column)) for column in columns)
+        mine = found[metric]
+        cells = (cell_of(mine[column]) if column in mine else TableCell("-") for column in columns)
         unit = unit_of(metric)
         lines.append([f"  {metric}", "" if unit == "1" else unit, *map(text_of, cells)])
     return lines
@@ -109,10 +119,6 @@ def _weight(row: Row) -> tuple[int, float]:
         NOT_MET.index(row.verdict) if row.verdict in NOT_MET else -1,
         abs(row.value) if row.value == row.value else 0,
     )
-
-
-def _overview_cell(row: Row | None) -> TableCell:
-    return TableCell("-") if row is None else cell_of(row)
 
 
 def _outcome(rows: list[Row], column: Column, counts: Mapping[Column, Count]) -> TableCell:
@@ -335,3 +341,173 @@ def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -
     for reason, part in scene[scene.verdict == UNJUDGED].groupby("reason", sort=False):
         lines.append(f"{UNJUDGED}: {', '.join(dict.fromkeys(part.metric))}: {reason}")
     return lines
+
+
+LINES, CROWDED = 40, 6
+"""Lines of a scene and column each, and columns beside each other, that are read at a glance [1]."""
+NAMED = 1
+"""Metrics of a run that a line of the matrix names; those beyond are counted."""
+BROKEN_SHOWN = 12
+"""Causes of broken limits that are shown; those beyond are counted."""
+PLACES = 3
+"""Scenes that a line names beside the worst."""
+UNMARKED = "\N{NO-BREAK SPACE}" * 2
+"""Takes the place of a mark."""
+OF_TOPICS = tuple(start for topic in TOPICS for start in topic.starts)
+LETTERS = {topic.name: topic.name[0] for topic in TOPICS}
+MATRIX_LEGEND = (
+    "met: limits met of those that apply   ✗ broken   † known failing   ? not judged   - not measured"
+)
+NOTE_OF_MANY = (
+    "then topics whose limits are missed ("
+    + ", ".join(f"{letter} {name}" for name, letter in LETTERS.items())
+    + "), and the median frame [µs]"
+)
+NOTE_OF_WORST = "each figure with the scene in which it is worst; page and --details have all scenes"
+
+
+def first_screen(frame: pd.DataFrame, folder: Path) -> list[Part]:
+    """The first screen of the results `frame`, which are in `folder`."""
+    rows = [row for row in rows_of(frame) if row.engine != "all"]
+    scenes = by_scene(rows)
+    columns = list(columns_of(row for row in rows if not row.metric.startswith("ratio.")))
+    found = {name: entries(mine, columns) for name, mine in scenes.items()}
+    some = next(iter(scenes), "SCENE")
+    tables = f"a scene's table: touchstone run {some}; all tables: --details"
+    return [
+        _matrix(found, columns),
+        Part(lines=[Text(verdict_of(frame)[1], style="bold"), *_broken_lines(rows)], wrap=True),
+        Part(lines=[*_known_lines(rows, columns), *_absent_lines(rows), *_lost_lines(frame), ""], wrap=True),
+        Part(notes=[f"page: {folder / 'report.html'}; {tables}"]),
+    ]
+
+
+def _matrix(found: Found, columns: Sequence[Column]) -> Part:
+    if len(found) <= SCENES_IN_FULL and len(found) * len(columns) <= LINES:
+        return _scenes(found, columns)
+    return (_many if len(columns) <= CROWDED else _worst)(found, columns)
+
+
+def _scenes(found: Found, columns: Sequence[Column]) -> Part:
+    """A line for each scene and column."""
+    heads = ["scene", "engine", "met\n", *(f"{topic.name}\n{topic.unit}" for topic in TOPICS), "also misses"]
+    rows: list[list[str | Text]] = []
+    for scene, mine in found.items():
+        rows.append([])
+        for k, column in enumerate(columns):
+            limits = mine.get((LIMITS, column))
+            cells = [limits, *(mine.get((topic.name, column)) for topic in TOPICS)]
+            missed = _names(limits.missed if limits else ())
+            rows.append(["" if k else scene, " ".join(column), *map(_cell, cells), missed])
+    return Part("", heads, rows, [MATRIX_LEGEND], words=2, last=1, tight=True)
+
+
+def _many(found: Found, columns: Sequence[Column]) -> Part:
+    """A line for each scene."""
+    heads = ["scene", *(f"{engine}\n{profile}\nmet{'time':>12}" for engine, profile in columns)]
+    rows: list[list[str | Text]] = [
+        [scene, *(_summary(mine, column) for column in columns)] for scene, mine in found.items()
+    ]
+    return Part("", heads, rows, [MATRIX_LEGEND, NOTE_OF_MANY], tight=True)
+
+
+def _worst(found: Found, columns: Sequence[Column]) -> Part:
+    """A line for each column, with its worst scene in each topic."""
+    heads = [
+        "engine",
+        "met\n",
+        *(f"{topic.name}\n{topic.unit}" for topic in TOPICS[:-1]),
+        "time over\nfastest",
+    ]
+    worst = worst_of(found, columns)
+    rows: list[list[str | Text]] = []
+    for column in columns:
+        cells = [_cell(worst.get((LIMITS, column)))]
+        for topic in TOPICS:
+            entry = worst.get((topic.name, column))
+            cells.append(_cell(entry).append(f" {entry.row.scenario}" if entry else "", style="dim"))
+        rows.append([" ".join(column), *cells])
+    return Part("", heads, rows, [MATRIX_LEGEND, NOTE_OF_WORST], tight=True)
+
+
+def _cell(entry: Entry | None) -> Text:
+    if entry is None:
+        return Text(f"-{UNMARKED}")
+    style = STYLES.get(entry.missed[0].verdict, "") if entry.missed else ""
+    return Text(f"{entry.text} {entry.mark}" if entry.mark else entry.text + UNMARKED, style=style)
+
+
+def _summary(mine: dict[tuple[str, Column], Entry], column: Column) -> Text:
+    """Limits met, the letters of topics that miss one, and the time."""
+    limits, time = mine.get((LIMITS, column)), mine.get((TOPICS[-1].name, column))
+    if limits is None:
+        return Text("-")
+    style = STYLES.get(limits.verdict, "")
+    if limits.row.metric == "run" or time is None:
+        return Text(f"{limits.text} {limits.mark}", style=style)
+    missed = (letter for name, letter in LETTERS.items() if (one := mine.get((name, column))) and one.missed)
+    text = Text(f"{limits.text} {limits.mark or ' '}{''.join(missed):<3}", style=style)
+    return text.append(f"{time.text:>5}", style="not bold default")
+
+
+def _names(missed: Iterable[Row]) -> str:
+    """Names of metrics of no topic that miss a limit, the gravest first."""
+    others = [row.metric for row in missed if row.metric != "run" and not row.metric.startswith(OF_TOPICS)]
+    names = list(dict.fromkeys(others))
+    more = f" +{len(names) - NAMED}" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more
+
+
+def _broken_lines(rows: Sequence[Row]) -> Iterator[Text]:
+    """Broken limits and failed runs a cause and its command each."""
+    groups = by_cause(row for row in rows if row.verdict in ("fail", "error"))
+    for group in groups[:BROKEN_SHOWN]:
+        worst = group[0]
+        others = list(dict.fromkeys(row.scenario for row in group if row.scenario != worst.scenario))
+        also = f"; also in {', '.join(others[:PLACES])}" if others else ""
+        also += f" and {len(others) - PLACES} more" if len(others) > PLACES else ""
+        line = f"{MARKS[worst.verdict].strip()} {_figure_of(worst)}{also}: {worst.reason}"
+        yield Text(line, style=STYLES["fail"])
+        yield Text(f"  {reproduce(worst)}", style="dim")
+    if len(groups) > BROKEN_SHOWN:
+        yield Text(f"and {len(groups) - BROKEN_SHOWN} more (--details)")
+
+
+def _figure_of(row: Row) -> str:
+    place = f"{row.engine} {row.profile}, {row.scenario}"
+    if row.metric == "run":
+        return f"{place}: the run failed"
+    value, unit = quantity(row.metric, row.value, row.unit)
+    limit = quantity(row.metric, row.limit, row.unit)[0]
+    return f"{place}: {row.metric} {row.subject}".rstrip() + f" {value} {unit}".rstrip() + f", limit {limit}"
+
+
+def _known_lines(rows: Sequence[Row], columns: Iterable[Column]) -> Iterator[str]:
+    """Numbers of known failings per column."""
+    counts = []
+    for column in columns:
+        mine = [row for row in rows if row.verdict == "known" and (row.engine, row.profile) == column]
+        if mine:
+            causes = len({row.reason.rpartition("; ")[2] for row in mine})
+            counts.append(f"{' '.join(column)} {len(mine)} of {plural(causes, 'cause')}")
+    if counts:
+        yield f"† known failings: {', '.join(counts)}"
+
+
+def _absent_lines(rows: Sequence[Row]) -> Iterator[str]:
+    """Runs that did not take place, a reason each."""
+    found: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if row.metric == "run" and row.verdict in NOT_RUN:
+            found.setdefault(f"{row.verdict}: {row.reason}", {})[row.scenario] = None
+    for reason, scenes in found.items():
+        yield f"{reason} ({plural(len(scenes), 'scene')})"
+
+
+def _lost_lines(frame: pd.DataFrame) -> Iterator[str]:
+    """Where the reference loses, and what is farthest apart."""
+    lost = [f"{metric} ({scenes})" for metric, _, scenes, *_ in loss_rows(frame)]
+    if lost:
+        yield f"the reference loses to an engine in: {', '.join(lost)} scenes"
+    for scene, body, distance, text in apart_table(rows_of(frame))[:1]:
+        yield f"{APART}: {body} of {scene}, {distance}: {text}"

@@ -11,7 +11,7 @@ import pytest
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ACCURATE, ENGINES
-from touchstone.reports.studies.calibration.probes import G, Probe, motion_of, restitution_of
+from touchstone.reports.studies.calibration import G, Probe, motion_of, restitution_of
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 

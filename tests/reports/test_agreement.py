@@ -15,9 +15,8 @@ from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.tasks import Task
 from touchstone.reports.studies import agreement, study
 from touchstone.reports.studies.agreement import LADDER, Trajectory, order_of, report, run
-from touchstone.reports.studies.work_precision import definitions
-from touchstone.reports.studies.work_precision.errors import CellRun
-from touchstone.reports.studies.work_precision.points import SweptRuns
+from touchstone.reports.studies.work_precision import points
+from touchstone.reports.studies.work_precision.points import CellRun, SweptRuns
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 
@@ -133,7 +132,7 @@ def test_a_scene_without_a_closed_form_is_measured_against_a_band(
 
     monkeypatch.setattr(SweptRuns, "run", run_of)
     monkeypatch.setattr(agreement, "sweep", lambda *_, **__: _NO_ROWS)
-    for module in (agreement, definitions):
+    for module in (agreement, points):
         monkeypatch.setattr(module, "installed", lambda engine: engine in places)
     frame = run([scene], tmp_path / "out", lambda label, count: None)
     (band,) = frame[frame.metric == "agreement.band"].to_dict("records")

@@ -10,25 +10,23 @@ import pytest
 
 from touchstone.adapters.registry import ACCURATE, ENGINES, Entry
 from touchstone.reports.results import COLUMNS
-from touchstone.reports.studies.calibration.probes import (
+from touchstone.reports.studies.calibration import (
     HEIGHT,
+    NOTES,
     SHAPES,
     SLIDE_TIME,
     G,
     Probe,
-    friction_of,
-    lowest_speed,
-    restitution_of,
-    scene,
-)
-from touchstone.reports.studies.calibration.rows import subject_of
-from touchstone.reports.studies.calibration.study import (
-    NOTES,
     Requested,
     failure_lines,
+    friction_of,
     grids,
+    lowest_speed,
     page,
+    restitution_of,
     run,
+    scene,
+    subject_of,
     tasks,
 )
 from touchstone.reports.views.render import print_parts
@@ -266,7 +264,7 @@ def test_the_terminal_shows_asked_beside_achieved(results) -> None:
     """Print a row per column under the values asked for, and the reason of a skipped engine."""
     from rich.console import Console
 
-    from touchstone.reports.studies.calibration.study import report
+    from touchstone.reports.studies.calibration import report
 
     frame = results[0]
     console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115

@@ -12,9 +12,16 @@ from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import FORCE, Course, course
 from touchstone.reports.results import Row, table
 from touchstone.reports.runner.request import Request, Results, columns_of
-from touchstone.reports.views.comparison import TOPICS, command, not_played, sections, worst_lines
-from touchstone.reports.views.comparison_pictures import PICTURES, draw
-from touchstone.reports.views.losses import HEADS, loss_rows, scene_lines, unmeasured_lines
+from touchstone.reports.views.comparison import (
+    PICTURES,
+    TOPICS,
+    command,
+    draw,
+    not_played,
+    sections,
+    worst_lines,
+)
+from touchstone.reports.views.findings import HEADS, loss_rows, scene_lines, unmeasured_lines
 from touchstone.reports.views.markdown import report
 from touchstone.reports.views.pictures import INK, color_of, detector_color, marker_of
 from touchstone.scenarios.catalogue import catalogue

@@ -61,7 +61,7 @@ def test_outcomes_in_words(reported: dict[str, object], word: str) -> None:
     """Distinguish identical outcomes, those within tolerance, and those that differ."""
     rows = effects.rows_of_variants(BASE, {"": variant(1e-6), "-gravity": variant(1e-6, **reported)})
     moved = by_metric(rows)["effects.moved", "-gravity"]
-    assert effects.outcome(moved) == word
+    assert moved.reason_code == word
 
 
 def test_a_variant_that_ends_is_told() -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from touchstone.reports.results import Row, table
-from touchstone.reports.views import first_screen
+from touchstone.reports.views import terminal
 from touchstone.reports.views.render import FittingConsole, print_parts
 from touchstone.reports.views.tables import MARKS
 from touchstone.reports.views.terminal import SCENES_IN_FULL, TOTALS, overview, report
@@ -208,9 +208,7 @@ def played(scene, overlap=2e-5, verdict="pass", **more):
 def printed(rows, width=100):
     """The lines of the first screen."""
     text = StringIO()
-    print_parts(
-        first_screen.first_screen(table(rows), Path("runs/one")), FittingConsole(file=text, width=width)
-    )
+    print_parts(terminal.first_screen(table(rows), Path("runs/one")), FittingConsole(file=text, width=width))
     return [line.rstrip() for line in text.getvalue().splitlines()]
 
 
@@ -245,8 +243,8 @@ def test_many_scenes_have_a_line_each():
 
 def test_many_columns_have_a_line_each_with_their_worst_scene(monkeypatch):
     """Where a matrix would not be read at a glance, each column has its limits, and its worst scenes."""
-    monkeypatch.setattr(first_screen, "LINES", 3)
-    monkeypatch.setattr(first_screen, "CROWDED", 1)
+    monkeypatch.setattr(terminal, "LINES", 3)
+    monkeypatch.setattr(terminal, "CROWDED", 1)
     lines = printed([*played("fall"), *played("slide", 4e-3, "known", reason="it sinks")])
     dart = line_of(lines, "dart")
     assert dart[:7] == ["dart", "recommended", "3/4", "†", "4.00", "†", "slide"]

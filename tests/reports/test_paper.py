@@ -8,11 +8,21 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.contract import AdapterError
-from touchstone.reports.docs.measurements import page_of
+from touchstone.reports.docs.reference import page_of
 from touchstone.reports.progress import quietly
-from touchstone.reports.studies.paper import claims
-from touchstone.reports.studies.paper.claims import CLAIMS, PAIRS, PASSES, Series, plateaus
-from touchstone.reports.studies.paper.study import CLAIM, NOT_REPRODUCED, REPRODUCED, report, run
+from touchstone.reports.studies import paper
+from touchstone.reports.studies.paper import (
+    CLAIM,
+    CLAIMS,
+    NOT_REPRODUCED,
+    PAIRS,
+    PASSES,
+    REPRODUCED,
+    Series,
+    plateaus,
+    report,
+    run,
+)
 
 RATE, COUNT = 60, 480
 FREE, HIGH = 4e-6, 8e-6
@@ -101,7 +111,7 @@ def test_three_spikes_fall_off(scene: Series, three: bool, fall: bool) -> None:
 def test_coherence_is_a_tendency() -> None:
     """Three of four first contacts must fall off."""
     falling, lasting = pushes((80,)), pushes((80,), decay=1e6)
-    names = claims.PERSONS
+    names = paper.PERSONS
     assert judge("coherence", **dict(zip(names, (falling, falling, falling, lasting))))
     assert not judge("coherence", **dict(zip(names, (falling, falling, lasting, lasting))))
 
@@ -110,7 +120,7 @@ def test_claims_are_complete() -> None:
     """Every claim has a name of its own, scenes of the study, a known basis, and a rule that says itself."""
     assert len(TOLD) == len(CLAIMS) == 20
     for claim in CLAIMS:
-        assert set(claim.scenes) <= set(claims.SCENES)
+        assert set(claim.scenes) <= set(paper.SCENES)
         assert set(claim.basis.split(", ")) <= {"counts", "times", "poses"}
         assert claim.rule.__doc__
 
@@ -131,7 +141,7 @@ def test_a_run_judges_every_claim(shown, tmp_path) -> None:
     for name in ("hand", "self-collision", "wall"):
         assert sure[name] == REPRODUCED
     text = shown(report(frame))
-    assert all(scene in text for scene in claims.SCENES)
+    assert all(scene in text for scene in paper.SCENES)
     assert "of 20 claims are reproduced" in text
     assert "…" not in text
     name, page, pictures = page_of(tmp_path / "paper")
@@ -156,7 +166,6 @@ def test_scenes_that_fail_are_told(shown, tmp_path) -> None:
 
 def test_the_command_prints_rows(touchstone, monkeypatch) -> None:
     """The registered command passes its options on, and prints the long table."""
-    from touchstone.reports.studies.paper import study
 
     asked = []
 
@@ -164,7 +173,7 @@ def test_the_command_prints_rows(touchstone, monkeypatch) -> None:
         asked.append((repeats, str(out)))
         return pd.DataFrame({"metric": ["paper.claim"], "verdict": [""]})
 
-    monkeypatch.setattr(study, "run", fake)
+    monkeypatch.setattr(paper, "run", fake)
     code, out, _ = touchstone("study paper --repeats 3 --out here --format csv --quiet")
     assert (code, asked) == (0, [(3, "here")])
     assert out.splitlines() == ["metric,verdict", "paper.claim,"]

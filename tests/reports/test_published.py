@@ -12,8 +12,8 @@ from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import page
 from touchstone.reports.results import Row, table
 from touchstone.reports.runner.request import Request, Results
+from touchstone.reports.views.findings import PUBLISHED_TITLE, published_part
 from touchstone.reports.views.markdown import report
-from touchstone.reports.views.published import TITLE, published_part
 from touchstone.reports.views.render import FittingConsole, print_parts
 from touchstone.scenarios.catalogue import catalogue
 
@@ -112,9 +112,9 @@ def test_terminal_report_and_page():
     found = published_part(frame, [SLIP])
     html = page(Content("t", "good", "v", frame, published=found))
     for shown in (text.getvalue(), markdown, html):
-        assert TITLE in shown
+        assert PUBLISHED_TITLE in shown
         assert "1.457 ✗" in shown
         assert " ".join(FIRST.source.split()) in " ".join(shown.split())
-    assert f"## {TITLE}" in markdown
+    assert f"## {PUBLISHED_TITLE}" in markdown
     assert 'id="published"' in html
     assert 'id="published"' not in page(Content("t", "good", "v", frame))

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from touchstone.reports.results import COLUMNS, Row, illustrate, is_undecided, save, table, write_beside
-from touchstone.reports.studies.calibration import study
+from touchstone.reports.studies import calibration
 
 ROW = Row(
     "run", "scene", "mujoco", "recommended", 1 / 540, "overlap.max", 1 / 3, "m", "a, b", reason='so "so"\n'
@@ -108,9 +108,9 @@ def test_a_study_keeps_its_rows_without_a_picture(tmp_path, monkeypatch, capsys)
     def broken(*_):
         raise RuntimeError("no fonts")
 
-    monkeypatch.setattr(study, "report", broken)
-    monkeypatch.setattr(study, "requested_and_achieved", broken)
-    study.run((), tmp_path / "out", lambda label, steps: None)
+    monkeypatch.setattr(calibration, "report", broken)
+    monkeypatch.setattr(calibration, "requested_and_achieved", broken)
+    calibration.run((), tmp_path / "out", lambda label, steps: None)
     assert sorted(path.name for path in (tmp_path / "out").iterdir() if path.is_file()) == [
         "manifest.json",
         "results.csv",

@@ -16,7 +16,6 @@ from touchstone.reports.studies.stability.play import (
     play_all,
     play_scenario,
 )
-from touchstone.reports.studies.stability.sheet import drawn, write_sheets
 from touchstone.reports.studies.stability.study import (
     CONTAINED,
     LEVELS,
@@ -24,12 +23,14 @@ from touchstone.reports.studies.stability.study import (
     OUTCOME,
     STEP,
     Envelope,
+    drawn,
     envelope_picture,
     report,
     rows_of_envelope,
     shown_columns,
     step_picture,
     table_of_cells,
+    write_sheets,
 )
 from touchstone.reports.verdict.outcomes import HARD_CLASSES, Outcome
 from touchstone.scenarios.difficulty.family import families, hard_names, hard_scene

@@ -32,14 +32,7 @@ def truth_position(context: Context) -> Values:
 
 def truth_velocity(context: Context) -> Values:
     """Error of the velocity in the last frame over the largest speed of any body [1]."""
-    fastest = _largest(context, lambda truth: truth.velocity, "moves")
-    v = context.recording.linear_velocity
-    return worst(
-        {
-            _name(context, body): float(np.linalg.norm(v[-1, body] - truth.velocity[-1]) / fastest)
-            for body, truth in context.truths.items()
-        }
-    )
+    return _last_error(context, lambda truth: truth.velocity, context.recording.linear_velocity, "moves")
 
 
 def truth_orientation(context: Context) -> Values:
@@ -56,14 +49,15 @@ def truth_orientation(context: Context) -> Values:
 
 def truth_spin(context: Context) -> Values:
     """Error of the angular velocity in the last frame over the largest one of any body [1]."""
-    fastest = _largest(context, lambda truth: truth.angular_velocity, "turns")
-    w = context.recording.angular_velocity
-    return worst(
-        {
-            _name(context, body): float(np.linalg.norm(w[-1, body] - truth.angular_velocity[-1]) / fastest)
-            for body, truth in context.truths.items()
-        }
-    )
+    rates = context.recording.angular_velocity
+    return _last_error(context, lambda truth: truth.angular_velocity, rates, "turns")
+
+
+def _last_error(context: Context, rate: Callable[[Motion], Array], measured: Array, does: str) -> Values:
+    """Error of a rate (f, n, 3) in the last frame over the largest true one of any body [1]."""
+    largest = _largest(context, rate, does)
+    error = {k: np.linalg.norm(measured[-1, k] - rate(truth)[-1]) for k, truth in context.truths.items()}
+    return worst({_name(context, body): float(size / largest) for body, size in error.items()})
 
 
 def _largest(context: Context, quantity: Callable[[Motion], Array], does: str) -> float:

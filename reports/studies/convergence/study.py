@@ -23,9 +23,8 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress, quietly
 from touchstone.reports.results import COLUMNS, Row, rows_of, table
 from touchstone.reports.runner.cells import Cell
-from touchstone.reports.runner.executors import DIVERGED
 from touchstone.reports.runner.request import REFERENCE, step_text
-from touchstone.reports.runner.sweep import sweep
+from touchstone.reports.runner.sweep import DIVERGED, sweep
 from touchstone.reports.runner.tasks import own_profile, own_step
 from touchstone.reports.studies.agreement import require_truths, slope_of
 from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.oracles.minkowski import signed_distance
-from touchstone.reports.studies.narrow_phase.poses import FAMILIES, Shapes, size_of
+from touchstone.reports.studies.narrow_phase.study import FAMILIES, Shapes, size_of
 from touchstone.scenarios.scenario import Box, Capsule, Ellipsoid, Hull, Piece, Sphere
 
 EXACT = 1e-11

@@ -13,26 +13,17 @@ from touchstone.reports.bench.scaling import (
     BALLS,
     BROAD_PHASE,
     VERTICES,
+    Amount,
     Curve,
     balls_at_rest,
     resting_balls,
     rows_of_curves,
 )
-from touchstone.reports.output_folder import OutputError
 from touchstone.reports.progress import quietly
 from touchstone.reports.results import Row, table
 from touchstone.reports.verdict import limits
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.verdict.limits import Limit
-
-
-@pytest.mark.parametrize("name", BENCHES)
-def test_a_full_folder_is_refused(name: str, tmp_path: Path) -> None:
-    """Keep what is there, before anything is measured."""
-    (tmp_path / "mine").touch()
-    with pytest.raises(OutputError, match="not an empty folder"):
-        load(name).run(tmp_path, quietly)
-    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
 @pytest.mark.parametrize("name", BENCHES)
@@ -83,7 +74,8 @@ def test_exponents_of_power_laws_are_exact() -> None:
 def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> None:
     """Time every engine at every size, the reference at more; one that dies is a row with its reason."""
     monkeypatch.setattr("touchstone.reports.bench.scaling.installed", lambda name: name != "mujoco")
-    curves = balls_at_rest([2, 4], [6], 2, 3, tmp_path, quietly, fakes[0])
+    amount = Amount(balls=(2, 4), more_balls=(6,), ball_turns=2, ball_frames=3)
+    curves = balls_at_rest(amount, tmp_path, quietly, fakes[0])
     found = {curve.engine: curve for curve in curves}
     assert found["reference"].sizes == [2, 4, 6]
     assert found["bullet"].sizes == [2, 4]

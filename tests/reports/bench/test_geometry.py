@@ -1,6 +1,5 @@
 """`bench geometry` on tiny sizes and on times known in advance: complete rows, exact ratios, honest poses."""
 
-import json
 from math import nan
 from pathlib import Path
 
@@ -19,18 +18,21 @@ from touchstone.adapters.detectors import (
 )
 from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.bench import geometry
-from touchstone.reports.bench.geometry import MOTION, Amount, queries, rows_of_bench
-from touchstone.reports.bench.poses import (
+from touchstone.reports.bench.geometry import (
     FAMILIES,
+    MOTION,
     STEP,
     TOUCH_DEPTH,
+    Amount,
     hand_slide,
     hull_slide,
+    queries,
+    rows_of_bench,
     spread_vertices,
 )
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
-from touchstone.reports.studies.narrow_phase.poses import corners
+from touchstone.reports.studies.narrow_phase.study import corners
 from touchstone.reports.verdict.judge import judged
 
 OTHER, ABSENT = "coal", "absent"
@@ -80,20 +82,6 @@ def test_geometry_skips_what_is_missing(measured, shown) -> None:
     reason = "not installed (pip install no_such_package)"
     assert absent[["metric", "verdict", "reason"]].to_numpy().tolist() == [["run", "missing", reason]]
     assert f"missing: absent: {reason}" in shown(geometry.report(rows))
-
-
-def test_geometry_leaves_a_whole_folder(measured) -> None:
-    """Leave table, manifest and the children's output, and nothing beside the folder."""
-    rows, folder, _ = measured
-    pd.testing.assert_frame_equal(pd.read_parquet(folder / "results.parquet"), rows)
-    assert {path.name for path in folder.iterdir()} == {
-        *("results.parquet", "results.csv", "manifest.json", "output")
-    }
-    assert [path.name for path in folder.parent.iterdir()] == ["out"]
-    manifest = json.loads((folder / "manifest.json").read_text())
-    assert (manifest["pairs"], manifest["frames"]) == (2, 3)
-    assert set(manifest["detectors"]) == {REFERENCE, OTHER, ABSENT}
-    assert "processor" in manifest["machine"]
 
 
 def test_geometry_shows_every_ratio(measured, shown) -> None:

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 import typer
 
+from touchstone.reports.bench import BENCHES
 from touchstone.reports.changes import NEEDED
 from touchstone.reports.cli import main
-from touchstone.reports.cli.cheapest import rows
 from touchstone.reports.results import Row, save, table
-from touchstone.reports.studies.work_precision.cheapest import Answer, MeasuredSetting
+from touchstone.reports.studies.work_precision.study import Answer, MeasuredSetting, answer_rows
 from touchstone.scenarios.catalogue import catalogue
 
 HEAVY = ("numpy", "pandas", "numba", "scipy", "pyarrow", "mujoco", "pybullet", "dartpy", "coal", "fcl")
@@ -167,6 +167,7 @@ WRONG = [
     ("study narrow-phase --pairs 9 --out full", "--out full: exists and is not an empty folder"),
     ("study agreement fall --out full", "--out full: exists and is not an empty folder"),
     ("study ik --goals 0", "--goals 0: expected at least 1"),
+    *((f"bench {name} --out full", "--out full: exists and is not an empty folder") for name in BENCHES),
 ]
 """Command -> how its line begins; `full` is a folder with a file."""
 
@@ -328,7 +329,7 @@ def test_the_cheapest_setting_is_read_by_programs():
 
     one, two = setting("reference", 1.0, 1e-6), setting("mujoco", 2.0, 1e-4)
     three = setting("bullet", 3.0, float("inf"))
-    found = rows(Answer(True, one, two, three, (two,)), {"overlap": 1e-3})
+    found = answer_rows(Answer(True, one, two, three, (two,)), {"overlap": 1e-3})
     assert [(row["place"], row["engine"]) for row in found] == [
         ("cheapest", "reference"),
         ("cannot tell apart", "mujoco"),

@@ -13,8 +13,7 @@ from touchstone.adapters.knobs import SettingError
 from touchstone.adapters.registry import changes_of, settings_of
 from touchstone.reports.cli.main import app
 from touchstone.reports.docs import reference
-from touchstone.reports.docs.engines import engines_page
-from touchstone.reports.docs.measurements import NoResults, page_of
+from touchstone.reports.docs.reference import NoResults, engines_page, page_of
 from touchstone.reports.results import Row, save, save_manifest, table
 from touchstone.reports.run import study
 from touchstone.reports.runner import sweep

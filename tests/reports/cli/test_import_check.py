@@ -42,7 +42,7 @@ def test_robots_of_a_folder_are_listed_by_result(touchstone, robots, tmp_path):
     assert float(found["robots/b/arm.urdf", "robot.mass"]["value"]) <= 1e-9
     code, out, _ = touchstone("import --check . --out here --format csv")
     assert {row["scenario"].partition("/")[0] for row in csv.DictReader(io.StringIO(out))} == {tmp_path.name}
-    from touchstone.reports.docs.measurements import page_of
+    from touchstone.reports.docs.reference import page_of
 
     name, text, _ = page_of(tmp_path / "found")
     assert name == "import.md"

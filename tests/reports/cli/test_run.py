@@ -63,7 +63,7 @@ def test_machine_output_parses_and_stands_alone(touchstone, quick, form):
 
 def test_a_study_is_printed_for_machines(touchstone, monkeypatch):
     """Print the long table of `study calibration` as CSV and nothing else, and end well."""
-    from touchstone.reports.studies.calibration import study as calibration
+    from touchstone.reports.studies import calibration as calibration
 
     tiny = {"restitutions": (0.5,), "speeds": (2.0,), "frictions": (0.3,), "ladder": (), "steps": ()}
     requested = partial(calibration.Requested, pairs=("sphere-box",), **tiny)

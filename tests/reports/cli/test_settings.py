@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from touchstone.adapters.contract import Settings
 from touchstone.adapters.knobs import Choice
 from touchstone.adapters.registry import ENGINES, changes_of, installed, missing_reason, settings_of
 from touchstone.reports.cli.challenge import settings_file
-from touchstone.reports.cli.cheapest import cost_lines, tuned_lines
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.tuning import Asked, Candidate, Search, Space, values_of
+from touchstone.reports.studies.tuning import Asked, Search, Space, cost_lines, tuned_lines, values_of
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.files.write import scene_toml
 
@@ -133,9 +133,9 @@ def test_values_are_valid_and_reach_every_setting(engine):
 def test_a_neighbour_differs_in_one_thing():
     """A new candidate has another step, or other changes, and its changes are valid in its profile."""
     space, rng = Space("mujoco", [catalogue()["slide"]]), np.random.default_rng(0)
-    start = Candidate("recommended", 1 / 240, ("impratio=3.0",))
+    start = Settings("recommended", 1 / 240, ("impratio=3.0",))
     for _ in range(50):
-        near = space.near(start, [Candidate("recommended", 1 / 60, ("solver=CG",))], rng)
+        near = space.near(start, [Settings("recommended", 1 / 60, ("solver=CG",))], rng)
         assert near.profile == start.profile
         assert (near.dt != start.dt) != (near.changes != start.changes)
         assert settings_of("mujoco").changes(near.profile, near.changes) == near.changes

@@ -313,12 +313,12 @@ def test_a_study_is_measured_when_it_is_due(program):
 
 def test_a_page_that_fails_leaves_the_night(program, monkeypatch):
     """Where the page cannot be written the night is stored, and the exit code says so."""
-    from touchstone.reports.nightly import outputs
+    from touchstone.reports.nightly import verdict
 
     def fails(*arguments):
         raise KeyError("cell")
 
-    monkeypatch.setattr(outputs, "write_page", fails)
+    monkeypatch.setattr(verdict, "write_page", fails)
     code, _, err, _ = program("nightly --quick --quiet")
     assert code == 70
     assert "report.html could not be written; the night is stored: KeyError: 'cell'" in err

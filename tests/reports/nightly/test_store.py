@@ -16,8 +16,8 @@ import pytest
 
 from touchstone.reports.nightly import store as module
 from touchstone.reports.nightly import verdict
-from touchstone.reports.nightly.outputs import history_charts
 from touchstone.reports.nightly.store import FORMAT, KEY, Store, StoreError
+from touchstone.reports.nightly.verdict import history_charts
 
 
 def test_nights_come_back_in_order(store, nights):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from touchstone.reports.nightly import outputs
+from touchstone.reports.nightly import verdict
 from touchstone.reports.nightly.verdict import (
     CHANGE,
     FEWEST,
@@ -167,7 +167,7 @@ def test_findings_are_readable_and_the_worst_is_first(nights):
     assert found[0].line == (
         "regression: slip mujoco recommended: deepest overlap (overlap.max): 1.00 -> 9.00 mm: pass -> fail"
     )
-    shown = outputs.changes(found)
+    shown = verdict.shown_changes(found)
     assert (shown[0].metric, shown[0].moved, shown[-1].text) == (
         "overlap.max",
         "1.00 → 9.00 mm",
@@ -183,8 +183,8 @@ def test_few_nights_are_numbers(store, nights, count):
     found = store.nights()
     by_number = {night.sequence: night for night in found}
     history = histories(store, found, "one")
-    drawn = outputs.history_charts(history, by_number)
-    table = outputs.history_table(history, by_number)
+    drawn = verdict.history_charts(history, by_number)
+    table = verdict.history_table(history, by_number)
     assert list(drawn) == (["fall, engines"] if count == 5 else [])
     assert len(table.rows) == (1 if 2 <= count <= 4 else 0)
     if count == 2:
@@ -205,17 +205,17 @@ def test_outputs_say_the_same(nights, tmp_path, monkeypatch):
         Finding(REGRESSION, "slip", "mujoco", "recommended", "overlap.max", EVIL, EVIL),
         Finding(WARNING, "a", "mujoco", "b", "time.frame.median", "", "slow"),
     ]
-    level, sentence = outputs.sentence(frame, findings, True)
+    level, sentence = verdict.sentence(frame, findings, True)
     assert (level, sentence.startswith("1 confirmed regression (mujoco). 1 limit broken")) == ("bad", True)
     summary = tmp_path / "summary.md"
     summary.write_text("before\n")
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
-    text = outputs.markdown(sentence, findings, ["set aside x"])
-    outputs.write_markdown(tmp_path, text)
+    text = verdict.markdown(sentence, findings, ["set aside x"])
+    verdict.write_markdown(tmp_path, text)
     assert "<script" not in text
     assert "- set aside x" in text
     assert summary.read_text() == f"before\n{text}"
-    outputs.write_junit(tmp_path, frame, findings)
+    verdict.write_junit(tmp_path, frame, findings)
     root = ElementTree.parse(tmp_path / "junit.xml").getroot()
     suites = {suite.get("name"): suite for suite in root}
     failures = {name: suite.get("failures") for name, suite in suites.items()}
@@ -223,23 +223,23 @@ def test_outputs_say_the_same(nights, tmp_path, monkeypatch):
     failure = suites["slip"].find("testcase/failure")
     assert failure.text.startswith("touchstone run slip --engine mujoco --profile recommended")
     assert suites["nights"].find("testcase/failure").get("message").endswith(EVIL)
-    outputs.write_badge(tmp_path, level)
+    verdict.write_badge(tmp_path, level)
     assert json.loads((tmp_path / "badge.json").read_text())["message"] == "regression"
 
 
 @pytest.mark.parametrize("compared", [True, False])
 def test_a_good_night_is_said_so(nights, compared):
     """Without a finding the level is that of the limits; a first night says that it compares with nothing."""
-    level, sentence = outputs.sentence(nights.frame(), [], compared)
+    level, sentence = verdict.sentence(nights.frame(), [], compared)
     assert level == "good"
     assert sentence.startswith("No regression." if compared else "First night of these settings")
 
 
 def test_long_lists_are_counted():
     """Of many findings of a kind the first are listed, the rest is counted."""
-    lines = outputs.listed(
+    lines = verdict.listed(
         [Finding(CHANGE, f"p{k}", "mujoco", "p", "overlap.max", "", "x") for k in range(50)]
     )
-    assert len(lines) == outputs.MOST_LINES + 1
-    assert lines[-1] == f"change: {50 - outputs.MOST_LINES} more"
+    assert len(lines) == verdict.MOST_LINES + 1
+    assert lines[-1] == f"change: {50 - verdict.MOST_LINES} more"
     assert np.all([line.startswith("change: p") for line in lines[:-1]])

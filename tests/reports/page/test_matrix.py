@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from touchstone.reports.page.matrix import facts, table, title, worst_part
+from touchstone.reports.page.page import facts, matrix_table, title, worst_part
 from touchstone.reports.results import Row
 from touchstone.reports.views.matrix import LIMITS, SHADES, entries, worst_of
 
@@ -44,7 +44,7 @@ def test_a_broken_time_limit_marks_the_time():
         "touchstone run slide --engine reference --engine mujoco --profile balanced --profile recommended"
         " --metric ratio.time"
     )
-    html, _ = table({"slide": entries(rows, [OURS, THEIRS])}, [OURS, THEIRS])
+    html, _ = matrix_table({"slide": entries(rows, [OURS, THEIRS])}, [OURS, THEIRS])
     assert re.findall(r'class="\w+ shade\d fail[^>]*><button[^>]*aria-label="([^"]*)"', html) == [
         "slide, reference, limits: 0/1 ✗",
         "slide, reference, time: 20.0 ✗",
@@ -90,7 +90,7 @@ def test_a_cell_shows_its_worst_pair():
     assert theirs.apart == "-0.410"
     broken = replace(rows[2], limit=0.001, verdict="fail")
     assert cell([*rows[:2], broken, rows[3]], "friction").row.subject == "floor-box"
-    html, _ = table({"slide": entries(rows, [OURS, THEIRS])}, [OURS, THEIRS])
+    html, _ = matrix_table({"slide": entries(rows, [OURS, THEIRS])}, [OURS, THEIRS])
     assert 'title="missing share of friction floor-ball (worst of 2): -0.400"' in html
 
 

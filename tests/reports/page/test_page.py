@@ -15,16 +15,14 @@ import pytest
 
 from touchstone.reports.metrics.motion.time_series import FORCE, Course
 from touchstone.reports.page import charts as forces
-from touchstone.reports.page import sections
+from touchstone.reports.page import page as module
 from touchstone.reports.page.charts import force_chart, force_charts
 from touchstone.reports.page.html import Change
-from touchstone.reports.page.matrix import broken_part
-from touchstone.reports.page.page import MOST_PLAYBACK, page, within_budget
+from touchstone.reports.page.page import MOST_PLAYBACK, broken_part, page, within_budget
 from touchstone.reports.page.playback import INT16
 from touchstone.reports.results import Row, table
 from touchstone.reports.runner.request import Request, Results
-from touchstone.reports.views.comparison import FORCE_PICTURE, force_panels
-from touchstone.reports.views.comparison_pictures import draw_forces
+from touchstone.reports.views.comparison import FORCE_PICTURE, draw_forces, force_panels
 from touchstone.reports.views.markdown import report
 from touchstone.reports.views.matrix import verdict_of
 from touchstone.scenarios.catalogue import catalogue
@@ -139,7 +137,7 @@ def test_a_slow_reference_is_listed_among_the_failings():
 
 def test_studies_are_shown_as_text(made):
     """Hard cases as a table of classes with what each means; of other studies, counts and what is broken."""
-    from touchstone.reports.page.sections import studies_part
+    from touchstone.reports.page.page import studies_part
 
     hard = ("stability", "hard_mass_1e6", "mujoco", "recommended", 1 / 540, "stability.outcome")
     other = ("relations", "fall", "dart", "recommended", 1 / 1020, "relations.turned")
@@ -214,7 +212,7 @@ def test_no_link_is_dead(many, made, tmp_path):
 
 def test_scenes_beyond_the_budget_keep_their_target(many, monkeypatch):
     """Of scenes whose tables do not fit, the figures that miss a limit stay."""
-    monkeypatch.setattr(sections, "MOST_TABLES", 5000)
+    monkeypatch.setattr(module, "MOST_TABLES", 5000)
     text = page(many)
     assert dead_links(text, ".") == []
     parts = re.split(r'<details id="scene-', text)[1:]

@@ -14,7 +14,7 @@ from touchstone.reports.bootstrap import exponent, median_interval, restart_rati
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.results import Row, table
 from touchstone.reports.run.farthest_apart import THRESHOLD, apart_rows, measured_horizon
-from touchstone.reports.views.apart import apart_table, headlines
+from touchstone.reports.views.tables import apart_table, headlines
 from touchstone.scenarios.catalogue import catalogue
 
 BALANCED, PAPER, MUJOCO = ("reference", "balanced"), ("reference", "paper"), ("mujoco", "recommended")

@@ -13,8 +13,7 @@ from touchstone.reports.cli.options import YesOption, measuring
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.run import ratios, study
 from touchstone.reports.runner import request as cost
-from touchstone.reports.runner.reproduce import reproduce
-from touchstone.reports.runner.request import Request, TooLargeError, check_memory, limited
+from touchstone.reports.runner.request import Request, TooLargeError, check_memory, limited, reproduce
 from touchstone.scenarios.catalogue import catalogue
 
 
@@ -167,7 +166,7 @@ def test_every_row_has_its_command(rows, line, monkeypatch):
     """Name scene, engines and profiles of all sides, changes, another step than the profile's, and metric."""
     assert reproduce(*rows) == f"touchstone run fall {line}"
     played = []
-    monkeypatch.setattr(cli, "_request", lambda *given: played.append(given) or sys_exit())
+    monkeypatch.setattr(cost, "Request", lambda *given, **_: played.append(given) or sys_exit())
     with pytest.raises(SystemExit):
         cli.app(shlex.split(reproduce(*rows))[1:], standalone_mode=False)
     assert played

@@ -12,9 +12,10 @@ import pytest
 
 from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.knobs import SettingError
-from touchstone.reports.runner import executors
+from touchstone.reports.runner import sweep as executors
 from touchstone.reports.runner.cells import combinations, grid
-from touchstone.reports.runner.executors import (
+from touchstone.reports.runner.store import Store, StoreError
+from touchstone.reports.runner.sweep import (
     ClusterError,
     DaskPool,
     InPool,
@@ -22,9 +23,8 @@ from touchstone.reports.runner.executors import (
     part_of,
     play_cell,
     script,
+    sweep,
 )
-from touchstone.reports.runner.store import Store, StoreError
-from touchstone.reports.runner.sweep import sweep
 
 
 def test_a_grid_has_every_combination_once():
@@ -122,7 +122,7 @@ def test_a_cluster_keeps_going(fakes, tmp_path, monkeypatch):
 def test_an_unreachable_cluster_is_one_line(fakes, tmp_path, monkeypatch, address):
     """The address is named, and what the store holds stays."""
     pytest.importorskip("distributed")
-    monkeypatch.setattr("touchstone.reports.runner.executors.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("touchstone.reports.runner.sweep.CONNECT_SECONDS", 1)
     with pytest.raises(ClusterError, match=f"^--dask {address}: cannot be reached [^\n]*$"):
         sweep(fakes("square", 1), tmp_path / "s", executor=lambda output: DaskPool(address, 1, output))
     assert Store(tmp_path / "s").table().empty
@@ -206,7 +206,7 @@ import sys
 from pathlib import Path
 sys.path[:0] = sys.argv[1].split()
 from fake_measures import cells, load
-from touchstone.reports.runner.executors import InPool
+from touchstone.reports.runner.sweep import InPool
 from touchstone.reports.runner.sweep import sweep
 if __name__ == "__main__":
     sweep(cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: InPool(1, out, load))

@@ -16,9 +16,11 @@ from touchstone.reports.progress import quietly
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies.narrow_phase import study as narrow_phase
 from touchstone.reports.studies.narrow_phase.interleaved_timing import Answered
-from touchstone.reports.studies.narrow_phase.poses import FAMILIES, TOUCH, draw
 from touchstone.reports.studies.narrow_phase.study import (
+    FAMILIES,
+    TOUCH,
     depth_errors,
+    draw,
     normal_errors,
     report,
     run,

@@ -15,17 +15,21 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.registry import load
 from touchstone.reports.studies.study import RefusedError
-from touchstone.reports.studies.tosses.measured import COLUMNS, CUBE, Box, read
-from touchstone.reports.studies.tosses.playing import (
+from touchstone.reports.studies.tosses import (
+    COLUMNS,
+    CUBE,
     OUTLIER,
+    Box,
     Flown,
     Identification,
     State,
     first_impact,
     flights,
+    prepared,
+    read,
     rotated,
+    settings,
 )
-from touchstone.reports.studies.tosses.study import prepared, settings
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.scenario import GRAVITY

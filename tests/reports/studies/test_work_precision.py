@@ -5,36 +5,37 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.registry import installed, load
-from touchstone.reports.cli.cheapest import lines
 from touchstone.reports.runner.cells import Cell
-from touchstone.reports.runner.executors import play_cell
-from touchstone.reports.studies.work_precision.cheapest import (
-    TIME,
-    MeasuredSetting,
-    cheapest,
-    settings_of_scene,
-    tolerance,
-)
-from touchstone.reports.studies.work_precision.definitions import (
+from touchstone.reports.runner.sweep import play_cell
+from touchstone.reports.studies.work_precision.points import (
+    COLUMNS,
     QUANTITIES,
+    CellRun,
+    band_of,
     changes,
+    deficit,
+    distance,
+    errors_of,
+    fronts,
     ladder_cells,
     measured_cells,
+    outside,
+    pareto,
     profiles_of,
     scenes,
     truth_cells,
-)
-from touchstone.reports.studies.work_precision.errors import (
-    CellRun,
-    Code,
-    band_of,
-    distance,
-    errors_of,
-    outside,
     truth_of,
 )
-from touchstone.reports.studies.work_precision.points import COLUMNS, deficit, fronts, pareto
-from touchstone.reports.studies.work_precision.study import StudyCells, draw
+from touchstone.reports.studies.work_precision.study import (
+    TIME,
+    MeasuredSetting,
+    StudyCells,
+    answer_lines,
+    cheapest,
+    draw,
+    settings_of_scene,
+    tolerance,
+)
 from touchstone.scenarios.catalogue import catalogue
 
 WAY = np.linspace(0, 1, 11)[:, None, None] * np.array([1.0, 0.0, 0.0])
@@ -44,7 +45,7 @@ WAY = np.linspace(0, 1, 11)[:, None, None] * np.array([1.0, 0.0, 0.0])
 def code(aside, change=0.0):
     """A code whose path is off to the side [m], and at twice the step by `change` more."""
     aside = np.array([0.0, aside, 0.0])
-    return Code(WAY + aside + [0.0, 0.0, change], WAY + aside)
+    return WAY + aside + [0.0, 0.0, change], WAY + aside
 
 
 def banded(**codes):
@@ -295,7 +296,7 @@ def test_times_that_overlap_have_no_winner():
 
     def answered(*times, limits):
         known = [setting(k, one) for k, one in enumerate(times, start=1)]
-        return lines(cheapest(known, limits), limits)
+        return answer_lines(cheapest(known, limits), limits)
 
     limits = {"position": 1e-3}
     apart = answered((20, 19, 21), (30, 25, 40), limits=limits)

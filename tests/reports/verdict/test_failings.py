@@ -12,9 +12,8 @@ from touchstone.reports.results import Row, save, table
 from touchstone.reports.runner.request import DEFAULT_PROFILES
 from touchstone.reports.verdict import failings, limits
 from touchstone.reports.verdict.failings import Failing, FailingsError, bounded, causes, known, read, write
-from touchstone.reports.verdict.judge import judged, lost
+from touchstone.reports.verdict.judge import judged, lost, measured
 from touchstone.reports.verdict.limits import LIMITS, Limit, limit_of
-from touchstone.reports.verdict.measure import measured
 from touchstone.scenarios.catalogue import catalogue
 
 ROW = Row("run", "ball_snip", "mujoco", "recommended", 1 / 540, "overlap.max", 2.0, "m", "a-b")

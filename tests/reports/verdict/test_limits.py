@@ -9,14 +9,12 @@ import pytest
 
 from touchstone.adapters.detectors import DETECTORS
 from touchstone.adapters.registry import ENGINES, OPTIONAL_ENGINES
-from touchstone.reports.bench.geometry import MOTION
-from touchstone.reports.bench.poses import FAMILIES
+from touchstone.reports.bench.geometry import FAMILIES, MOTION
 from touchstone.reports.bench.scaling import BALLS, BROAD_PHASE, VERTICES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import VERDICTS, Row
 from touchstone.reports.studies import effects, robustness
-from touchstone.reports.studies.calibration.probes import SHAPES
-from touchstone.reports.studies.calibration.rows import ALL, LARGEST, SLOW
+from touchstone.reports.studies.calibration import ALL, LARGEST, SHAPES, SLOW
 from touchstone.reports.studies.inverse_kinematics import CCD, MEASURED, SOLVERS, STARTS
 from touchstone.reports.studies.predictability import ERROR
 from touchstone.reports.verdict import limits as module

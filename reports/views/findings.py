@@ -1,8 +1,9 @@
-"""Where the reference loses: figures in which an engine does better, from the rows of a run."""
+"""Findings over all scenes of a run: where the reference loses, figures in which an engine does better,
+and what others published, beside what the reference and each engine give."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
@@ -11,10 +12,11 @@ import pandas as pd
 from touchstone.reports.bootstrap import RATIO
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.runner.request import MACHINE_PROFILE, REFERENCE
+from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, REFERENCE
 from touchstone.reports.views.comparison import SAME_SHARE, TOPICS
 from touchstone.reports.views.render import Part
-from touchstone.reports.views.tables import number, scaled_number, unit_of
+from touchstone.reports.views.tables import MARKS, number, scaled_number, unit_of
+from touchstone.scenarios.scenario import Scenario
 
 OURS = ("balanced", "paper")
 ROUNDING = 1e-9
@@ -157,3 +159,50 @@ def unmeasured_lines(frame: pd.DataFrame) -> list[str]:
         f"the engines only: {metric} ({', '.join(dict.fromkeys(scenes))}): {reason}"
         for (metric, reason), scenes in found.items()
     ]
+
+
+PUBLISHED = "published.error"
+PUBLISHED_TITLE = "Against published values"
+PUBLISHED_NOTE = "± published tolerance; each engine in its first profile; numbers in brackets: sources"
+
+
+def published_part(frame: pd.DataFrame, scenarios: Iterable[Scenario]) -> Part:
+    """One line per published value of the scenes, and the sources; no row where none was measured."""
+    rows = [row for row in rows_of(frame) if row.metric in (PUBLISHED, "run") and row.engine != EVERY_ENGINE]
+    if not any(row.metric == PUBLISHED and row.subject for row in rows):
+        return Part()
+    own: dict[str, str] = {}
+    for row in rows:
+        own.setdefault(row.engine, row.profile)
+    found = {
+        (row.scenario, row.engine, row.metric, row.subject): row
+        for row in rows
+        if row.profile == own[row.engine]
+    }
+    sources: dict[str, int] = {}
+    lines = []
+    for scenario in scenarios:
+        for one in scenario.published:
+            cells = []
+            for engine in own:
+                measured = found.get((scenario.name, engine, PUBLISHED, one.name))
+                if measured is None or not isfinite(measured.value):
+                    run = measured or found.get((scenario.name, engine, "run", ""))
+                    cells.append(run.verdict if run and run.verdict else "-")
+                else:
+                    value = one.value + measured.value * one.tolerance
+                    text = " ".join((digits(value, one.tolerance), one.outcome(value))).strip()
+                    cells.append(text + MARKS.get(measured.verdict, ""))
+            number = sources.setdefault(one.source, len(sources) + 1)
+            known = (digits(one.value, one.tolerance), f"{one.tolerance:.2g}")
+            lines.append([scenario.name, f"{one.name} [{number}]", one.unit, *known, *cells])
+    heads = ["scene", "value", "unit", "published", "±", *own]
+    texts = [f"[{number}] {source}" for source, number in sources.items()]
+    return Part(PUBLISHED_TITLE, heads, lines, [PUBLISHED_NOTE, *texts], words=3, tight=True)
+
+
+def digits(value: float, tolerance: float) -> str:
+    """A value to three digits, or to a tenth of its tolerance."""
+    if abs(value) < tolerance / 1e3:
+        return "0"
+    return f"{value:.{max(3, len(f'{abs(value) / tolerance:.0f}') + 1)}g}"

@@ -1,1 +1,0 @@
-"""Commands on scenes in files: which scenes a command plays, their schema, import and export."""
