@@ -35,8 +35,9 @@ BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
 """Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and
 share of it that a shortened substep allows [1]."""
 
-END_ERROR, END_SPEED = GAP_LEFT / 10, 6e-9
-"""Largest error at the end of a substep that is not corrected, of a gap [m] and of a speed [m/s]."""
+END_ERROR, END_RATE = GAP_LEFT / 10, 3.6e-7
+"""Largest error of a gap at the end of a substep that is not corrected [m], and of a speed, per length of the
+substep [m/s2]: errors of many short substeps add up to no more than those of few long ones."""
 CURVED_PARTS = 64
 """Most substeps of a frame for the accuracy of curved contacts."""
 LARGEST_TURN = 0.5
@@ -123,7 +124,7 @@ def move_to_middle(bodies, pieces, pair, h):
 @kernel
 def end_error(h):
     """Error at the end of a substep of length h [s] that is not corrected [m]."""
-    return min(END_ERROR, max(END_SPEED * h, END_ERROR / 100))
+    return min(END_ERROR, max(END_RATE * h * h, END_ERROR / 1000))
 
 
 @kernel

@@ -30,8 +30,6 @@ LANDING_EVENTS = 128
 """Events of a frame after which touching pairs of polyhedra may sink by SINKING_DEPTH."""
 LANDING_MIN = 1e-9
 """Fraction of a substep within which a landing is ignored: the next substep would find the same one [1]."""
-FALL_SHARE = 1e-5
-"""Share of a substep over which the speed of a landing point is found [1]."""
 AGREEING_SHARE = 0.5
 """Share of a substep to which a contact shortens it that agrees at its end alone, and sinks there [1]."""
 SINKING_SLACK = 2.5e-7
@@ -157,7 +155,7 @@ def _sinking(moving, first, sweeps):
         landed = _closing(moving, late, target, depth / 2)
         # detection immediately after the start would find the same contact
         if landed >= LANDING_MIN:
-            return _fall_begins(moving, landed, late, start, depth), target < -OVERLAP_TOLERANCE
+            return landed, target < -OVERLAP_TOLERANCE
     # limit the depth: from deep overlap, the shortest way out may lead to the far side; and a body that
     # contacts accelerate may rotate more than its dense substep allows for
     depth = min(SINKING_DEPTH, SINKING_SHARE * min(moving.piece_a["width"], moving.piece_b["width"]))
@@ -167,18 +165,6 @@ def _sinking(moving, first, sweeps):
     else:
         first = _closing(moving, first, target, depth / 2)
     return first, True
-
-
-@kernel
-def _fall_begins(moving, landed, late, start, depth):
-    """Fraction at which the distance of a pair, constant since the start, began to fall as it does at
-    `landed`; `landed` where it fell before: it sinks, but no other point has landed."""
-    at, below = distance_at(moving, landed), distance_at(moving, min(late, landed + FALL_SHARE))
-    if below < at:
-        begun = landed - (start - at) * (min(late, landed + FALL_SHARE) - landed) / (at - below)
-        if LANDING_MIN <= begun < landed and abs(distance_at(moving, begun) - start) < depth / 10:
-            return begun
-    return landed
 
 
 @kernel
