@@ -124,7 +124,7 @@ def move_to_middle(bodies, pieces, pair, h):
 @kernel
 def end_error(h):
     """Error at the end of a substep of length h [s] that is not corrected [m]."""
-    return min(END_ERROR, max(END_RATE * h * h, END_ERROR / 1000))
+    return min(END_ERROR, max(END_RATE * h * h, END_ERROR / 10000))
 
 
 @kernel
