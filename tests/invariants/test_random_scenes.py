@@ -143,7 +143,6 @@ SOLVED = {
         *(150, 2000029),  # in dense substeps, velocities followed another force than ways: 66 % more work
     ),
     ("balanced", "mechanism"): (
-        7770011,  # a trial of a stiff damper drove a chain to 1,000 rad/s, and the positions were not finite
         *(7770018, 930067),  # a ball on a joint was asked to stop where no impulse moves it
         # a rebound pushed a joint against its limit, whose work did not count: energy rose by 4e-3
         13000135,
@@ -214,10 +213,20 @@ def test_jams_are_solved(kind: str, first: int) -> None:
     assert sum(broken([run]) != [] for run in runs) <= 1
 
 
-def test_a_belt_that_jams_bodies_does_not_eject_them() -> None:
-    """Two bodies between a belt and walls would stick in all contacts at 750 m/s; the solve keeps a residual
-    instead. Before, they left at 46 m/s."""
-    assert broken(played("balanced", (640021,), kind="belt"), LAWS) == []
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        # two bodies between a belt and walls would stick in all contacts at 750 m/s, and left at 46 m/s; the
+        # solve keeps a residual instead
+        ("belt", 640021),
+        # a trial of a stiff damper drove a chain to 1,000 rad/s; it beats the floor 25 times in a frame, and
+        # overlaps it by 1.5e-6 m in one
+        ("mechanism", 7770011),
+    ],
+)
+def test_what_has_no_exact_solution_keeps_the_laws(kind: str, seed: int) -> None:
+    """What cannot keep every limit gains no energy and passes through nothing."""
+    assert broken(played("balanced", (seed,), kind=kind), LAWS) == []
 
 
 @pytest.mark.parametrize(
