@@ -161,11 +161,10 @@ def solid(
     mass: float = 0.0,
     position: Vector = ORIGIN,
     orientation: Quaternion = IDENTITY,
-    kind: Kind = "simulated",
     velocity: Vector = ORIGIN,
     spin: Vector = ORIGIN,
 ) -> Body:
-    """A uniform body of one shape whose origin is its centre of mass.
+    """A uniform simulated body of one shape whose origin is its centre of mass.
 
     Args:
         shape: its frame has the body's axes; the corners of a hull are shifted, other shapes are posed.
@@ -180,7 +179,7 @@ def solid(
     place = vector(np.subtract(ORIGIN, center))
     return Body(
         name,
-        kind,
+        "simulated",
         material,
         (Piece(name, shape, place),),
         mass=mass,
@@ -205,9 +204,11 @@ def ball(
     return solid(name, material, Sphere(radius), mass, position, velocity=velocity, spin=spin)
 
 
-def block(name: str, material: str, half_extents: Vector, *state: Any, **motion: Any) -> Body:
-    """A solid box; half extents in m, then mass and state as of `solid`."""
-    return solid(name, material, Box(half_extents), *state, **motion)
+def block(
+    name: str, material: str, half_extents: Vector, *state: Any, kind: Kind = "simulated", **motion: Any
+) -> Body:
+    """A solid box of any kind; half extents in m, then mass and state as of `solid`."""
+    return replace(solid(name, material, Box(half_extents), *state, **motion), kind=kind)
 
 
 def capsule(name: str, material: str, radius: float, half_length: float, *state: Any, **motion: Any) -> Body:

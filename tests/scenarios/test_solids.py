@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -87,7 +88,7 @@ def test_bodies_of_one_piece_are_valid_and_centred():
         capsule("capsule", "wood", 0.1, 0.2, 1.0, position=(0.0, 0.0, 1.0)),
         ellipsoid("ellipsoid", "wood", (0.1, 0.2, 0.3), 2.0, position=(1.0, 0.0, 1.0), spin=(1.0, 0.0, 0.0)),
         hull("hull", "wood", np.array(wedge) + 5.0, 3.0, position=(2.0, 0.0, 1.0)),
-        hull("wedge", "wood", wedge, kind="fixed", position=(5.0, 0.0, 1.0)),
+        replace(hull("wedge", "wood", wedge, position=(5.0, 0.0, 1.0)), kind="fixed"),
         block("block", "wood", (0.1, 0.1, 0.1), 1.0, position=(8.0, 0.0, 1.0)),
         slab("floor", "wood"),
     )
