@@ -67,8 +67,7 @@ def spinning_ball() -> Scenario:
 def offset_box() -> Scenario:
     """A turned box whose mass centre is off its origin, with three moments of inertia; it moves and spins."""
     turned = (cos(TURN / 2), sin(TURN / 2), 0.0, 0.0)
-    moved = {"velocity": (0.3, 0.2, -0.1), "spin": (0.1, 0.2, 0.3)}
-    body = block("box", WOOD, HALF, 2.5, (0.5, -0.25, 2.0), turned, **moved)
+    body = block("box", WOOD, HALF, 2.5, (0.5, -0.25, 2.0), turned, (0.3, 0.2, -0.1), (0.1, 0.2, 0.3))
     return scene("offset_box", replace(body, center_of_mass=(0.05, 0.02, -0.03)))
 
 

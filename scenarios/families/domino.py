@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import Body, Expectation, PairCoefficients, Scenario, Vector
+from touchstone.scenarios.scenario import IDENTITY, Body, Expectation, PairCoefficients, Scenario, Vector
 from touchstone.scenarios.solids import block, slab
 from touchstone.scenarios.truths.published import Published
 
@@ -63,9 +63,9 @@ def _row(count: int, pitch: float) -> tuple[Body, ...]:
     """Dominoes along y, of which the first is pushed over."""
     _, y, z = HALF
     # It rotates about its front edge: v = w x r.
-    push = {"velocity": (0.0, RATE * z, RATE * y), "spin": (-RATE, 0.0, 0.0)}
+    push = (IDENTITY, (0.0, RATE * z, RATE * y), (-RATE, 0.0, 0.0))
     return tuple(
-        block(f"domino_{k + 1}", "wood", HALF, MASS, (0.0, pitch * k, z), **(push if k == 0 else {}))
+        block(f"domino_{k + 1}", "wood", HALF, MASS, (0.0, pitch * k, z), *(push if k == 0 else ()))
         for k in range(count)
     )
 
