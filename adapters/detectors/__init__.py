@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import shlex
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -139,7 +140,7 @@ class PythonBatch:
         self._close()
 
 
-class PythonDetector:
+class PythonDetector(ABC):
     """Base of detectors whose queries are called one by one; they define `_query`."""
 
     crossings: tuple[Pair, Pair] | None = (APART, TOUCHING)
@@ -148,11 +149,13 @@ class PythonDetector:
         """Build all queries."""
         return PythonBatch(self._query, pairs, self._release)
 
+    @abstractmethod
     def _query(self, pair: Pair) -> Query:
-        raise NotImplementedError
+        """Build the query of a pair."""
 
     def _release(self) -> None:
-        """Release what the queries of a batch hold in the engine."""
+        """Release what the queries of a batch hold in the engine: by default nothing."""
+        return
 
 
 def _guarded(build: Callable[[Pair], Query], pair: Pair) -> Query | Failure:
