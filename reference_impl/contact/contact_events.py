@@ -154,6 +154,27 @@ def _stop(bodies, pairs, k, h, state):
 
 
 @kernel
+def first_leave(pairs, count):
+    """Fraction of the substep at which the force of the first curved contact falls to 0; NEVER if none does.
+
+    A force F + G s, of which the law of velocities finds the mean p = F + G / 2, and that of positions, which
+    weighs by the time left, q = F + G / 3, is 4 p - 3 q at the end.
+    """
+    first = NEVER
+    for k in range(count):
+        if pairs[k]["curved"] != 1 or (pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k):
+            continue
+        p, q, row = 0.0, 0.0, k
+        while row >= 0:
+            p += dot(pairs[row]["normal"], pairs[row]["resting_impulse"])
+            q += dot(pairs[row]["normal"], pairs[row]["spare"])
+            row = pairs[row]["next_point"]
+        if q > 0 and 4 * p < 3 * q:
+            first = min(first, (3 * q - 2 * p) / (6 * (q - p)))
+    return first
+
+
+@kernel
 def slip_turn_share(bodies, pairs, count, state):
     """Share of the substep in which no sliding turns too far in an island with a driver; NEVER if that is
     longer than the substep."""

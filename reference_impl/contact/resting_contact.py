@@ -5,6 +5,7 @@ from math import sqrt
 from touchstone.reference_impl.contact.contact_events import (
     ONSET_SOUGHT,
     SLIP_STRAIGHT,
+    first_leave,
     first_onset,
     first_stop,
     note_free_slip,
@@ -35,10 +36,12 @@ from touchstone.reference_impl.continuous.contact_motion import (
     curved_share,
     end_error,
     exchange_paths,
+    is_coupled,
     is_curved,
     move_surfaces,
     move_to_middle,
     restore_normals,
+    starts_to_curve,
 )
 from touchstone.reference_impl.continuous.driver_motion import (
     accept_pushes,
@@ -121,7 +124,9 @@ def solve_resting_contacts(world, count, time, h):
     """
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    last_time = state["last_time"]
+    last_time, leaves = state["last_time"], ONSET_ROUNDS
+    for k in range(count):
+        pairs[k]["late_bias"] = 0.0
     while True:
         unconverged = state["counters"][COUNT_UNCONVERGED]
         state["last_time"] = last_time
@@ -144,14 +149,19 @@ def solve_resting_contacts(world, count, time, h):
                 h = _solve_velocities(world, count, h)
                 _solve_positions(world, count, h, False)
         if _correct_ends(world, count, h):
-            break
-        # a wedge may have no solution in which contacts close exactly: leave them as predicted
-        failed = state["counters"][COUNT_UNCONVERGED] > unconverged
-        state["halvings"] = HALVINGS if failed else state["halvings"] + 1
+            share = first_leave(pairs, count) if state["curved"] == 1 and leaves > 0 else NEVER
+            if share >= 1 - ONSET_SHARE:
+                break
+            leaves -= 1
+            h *= share
+        else:
+            # a wedge may have no solution in which contacts close exactly: leave them as predicted
+            failed = state["counters"][COUNT_UNCONVERGED] > unconverged
+            state["halvings"] = HALVINGS if failed else state["halvings"] + 1
+            h = h if failed else h / 2
         begin_again(bodies, joints, drivers)
         restore_normals(pairs, count)
         forget_grips(pairs, count)
-        h = h if failed else h / 2
     # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
     # may have any direction, and it keeps that one if the slip at the end is small
     if state["statics"] == 1:
@@ -286,6 +296,11 @@ def _solve_velocities(world, count, h):
             if state["led_loop"] == 1 and state["led"] == 1:
                 exact = min(exact, _swing_share(world, count, h))
             share, most = min(share, exact), min(most, exact * h)
+            if converged and starts_to_curve(pairs, count, h):
+                begin_again(bodies, world.joints, world.drivers)
+                restore_normals(pairs, count)
+                forget_grips(pairs, count)
+                continue
         # a driver's pull is no part of the prediction of a stop, which may come nearer by a few percent only
         if k >= DRIVEN_ROUNDS and share < 1 and state["led_loop"] == 1 and state["led"] == 1:
             share = min(share, 0.5)
@@ -415,7 +430,10 @@ def _prepare_resting_contacts(world, count, h):
         approach_speed(bodies, pair, state)
         begin_row(bodies, pair, 0.0)
         pair["gap_error"], pair["followed"] = 0.0, 0
-        pair["curved"] = 1 if smooth else 0
+        # on paths that a coupling bends both laws differ by more
+        one, two = bodies[pair["body_a"]], bodies[pair["body_b"]]
+        bent = is_coupled(one, world.drivers) or is_coupled(two, world.drivers)
+        pair["curved"] = 1 if smooth and not bent else 0
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     if smooth:
         _except_faces(pairs, count, patch_flight)
@@ -423,8 +441,8 @@ def _prepare_resting_contacts(world, count, h):
     for k in range(count):
         pair = pairs[k]
         turn = move_to_middle(bodies, world.pieces, pair, h)
-        if pair["curved"] == 1 and not is_curved(bodies, world.drivers, pair, h):
-            pair["curved"] = 0
+        if pair["curved"] == 1 and not is_curved(pair, h):
+            pair["curved"] = -1
         if pair["curved"] == 1:
             curved, turned = True, max(turned, turn)
         if state["moving_surfaces"] == 1:

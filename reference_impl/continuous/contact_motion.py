@@ -29,7 +29,7 @@ from touchstone.reference_impl.core.conventions import (
     SPHERE,
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.core.rotation import copy_vector, dot
 
 BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
 """Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and
@@ -50,7 +50,8 @@ def bias_share(bodies, pieces, pairs, count, h, state):
     solve; NEVER if that is longer than h.
 
     If J' v h changes linearly by d over the substep, a pair sinks or parts by d h / 6; `bias` is half of it.
-    Curved rows are corrected (`end_correction`), unless they turn farther than `contact_turn`.
+    Curved rows are corrected (`end_correction`), unless they turn farther than `contact_turn`. Notes the
+    `late_bias` of those that hardly turn at the velocities before.
     """
     error, most = 0.0, 0.0
     for k in range(count):
@@ -63,6 +64,8 @@ def bias_share(bodies, pieces, pairs, count, h, state):
         if pair["curved"] == 1:
             most = max(most, angle)
             continue
+        if pair["curved"] == -1:
+            pair["late_bias"] = max(pair["late_bias"], change_of_velocity(pair, late))
         d = n[0] * (late[0] - early[0]) + n[1] * (late[1] - early[1]) + n[2] * (late[2] - early[2])
         error = max(error, abs(d) * h / 3)
     share = (BIAS_SHARE * BIAS_DEPTH / error) ** (1 / 3) if error > BIAS_DEPTH else NEVER
@@ -78,7 +81,7 @@ def correct_faces(bodies, pieces, pairs, count, h, state):
         for k in range(count):
             pair = pairs[k]
             led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
-            if pair["curved"] == 0 and led and pair["floor"] != NO_FLOOR:
+            if pair["curved"] != 1 and led and pair["floor"] != NO_FLOOR:
                 a, b, n, bias = state["velocity_a"], state["velocity_b"], state["impulse"], state["velocity"]
                 _predict(bodies, pieces, pair, h / 2, a, b, n, bias)
                 if on_paths == 0:
@@ -128,15 +131,25 @@ def end_error(h):
 
 
 @kernel
-def is_curved(bodies, drivers, pair, h):
-    """Whether a row's velocity changes by rotation within a substep of length h [s], on paths that no
-    coupling bends: along its normal or, with friction, in any direction."""
-    n, v = pair["normal"], pair["bias"]
-    if _is_coupled(bodies[pair["body_a"]], drivers) or _is_coupled(bodies[pair["body_b"]], drivers):
-        return False
-    if pair["friction"] > 0:
-        return h * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) > end_error(h)
-    return h * abs(n[0] * v[0] + n[1] * v[1] + n[2] * v[2]) > end_error(h)
+def is_curved(pair, h):
+    """Whether a row's velocity changes by rotation within a substep of length h [s], at the velocities before
+    it or those that an attempt led to."""
+    return h * max(change_of_velocity(pair, pair["bias"]), pair["late_bias"]) > end_error(h)
+
+
+@kernel
+def starts_to_curve(pairs, count, h):
+    """Whether rows that hardly turn at the velocities before a substep of length h [s] do at those after."""
+    for k in range(count):
+        if pairs[k]["curved"] == -1 and h * pairs[k]["late_bias"] > end_error(h):
+            return True
+    return False
+
+
+@kernel
+def change_of_velocity(pair, v):
+    """Size of a row's `bias` v: along its normal or, with friction, in any direction [m/s]."""
+    return sqrt(dot(v, v)) if pair["friction"] > 0 else abs(dot(pair["normal"], v))
 
 
 @kernel
@@ -244,7 +257,7 @@ def _stays(a, b, one, two, pair):
 
 
 @kernel
-def _is_coupled(body, drivers):
+def is_coupled(body, drivers):
     """Whether a body moves within a substep by the coupling of its driver."""
     return body["kind"] != SIMULATED and is_moving(body) and drivers[body["driver"]]["prescribed"] == 0
 
