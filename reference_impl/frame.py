@@ -18,7 +18,6 @@ from touchstone.reference_impl.contact.energy_guard import guard_energy, note_en
 from touchstone.reference_impl.contact.impact import resolve_impacts
 from touchstone.reference_impl.contact.integrate import (
     apply_forces,
-    begin_again,
     begin_substep,
     end_substep,
     fly_straight,
@@ -27,7 +26,11 @@ from touchstone.reference_impl.contact.integrate import (
     set_paths,
     set_ways,
 )
-from touchstone.reference_impl.contact.resting_contact import note_residual, solve_resting_contacts
+from touchstone.reference_impl.contact.resting_contact import (
+    note_residual,
+    solve_resting_contacts,
+    start_again,
+)
 from touchstone.reference_impl.contact.separation import separate_simulated
 from touchstone.reference_impl.contact.speculative_contacts import gather_contacts
 from touchstone.reference_impl.continuous.contact_motion import restore_normals
@@ -288,7 +291,7 @@ def _simulate(world):
                 lifted = True
             else:
                 break
-            begin_again(bodies, joints, drivers)
+            start_again(world, touching)
             state["contact_count"] = first_held
             h, fraction = _substep(world, touching, time, h)
         state["parted_energy"] += state["unpaid_energy"]

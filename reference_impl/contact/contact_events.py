@@ -154,24 +154,40 @@ def _stop(bodies, pairs, k, h, state):
 
 
 @kernel
-def first_leave(pairs, count):
-    """Fraction of the substep at which the force of the first curved contact falls to 0; NEVER if none does.
-
-    A force F + G s, of which the law of velocities finds the mean p = F + G / 2, and that of positions, which
-    weighs by the time left, q = F + G / 3, is 4 p - 3 q at the end.
-    """
+def first_change(pairs, count):
+    """Fraction of the substep at which the first curved contact leaves, its force at 0, or begins to slide,
+    its friction at the limit; NEVER if none does."""
     first = NEVER
     for k in range(count):
         if pairs[k]["curved"] != 1 or (pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k):
             continue
-        p, q, row = 0.0, 0.0, k
+        load = path_load = spare = path_spare = 0.0
+        row = k
         while row >= 0:
-            p += dot(pairs[row]["normal"], pairs[row]["resting_impulse"])
-            q += dot(pairs[row]["normal"], pairs[row]["spare"])
-            row = pairs[row]["next_point"]
-        if q > 0 and 4 * p < 3 * q:
-            first = min(first, (3 * q - 2 * p) / (6 * (q - p)))
+            pair = pairs[row]
+            p, q = pair["resting_impulse"], pair["spare"]
+            n = pair["path_normal"] if pair["followed"] == 1 else pair["normal"]
+            along, far_along = dot(pair["normal"], p), dot(n, q)
+            load, path_load = load + along, path_load + far_along
+            spare += pair["friction"] * along - sqrt(max(0.0, dot(p, p) - along * along))
+            path_spare += pair["friction"] * far_along - sqrt(max(0.0, dot(q, q) - far_along * far_along))
+            row = pair["next_point"]
+        first = min(first, _zero(load, path_load))
+        sticks = pairs[k]["static"] == 0 and pairs[k]["friction"] > 0 and _slip(pairs[k]) <= SLIDE_MIN
+        if sticks and path_spare > CONE_CLOSE * path_load:
+            first = min(first, _zero(spare, path_spare))
+        elif sticks and path_load > 0:
+            # it slides in both laws: over a shorter time it may stick at first
+            first = min(first, ONSET_SOUGHT)
     return first
+
+
+@inlined_kernel
+def _zero(p, q):
+    """Fraction of the substep at which a force F + G s falls to 0, NEVER if it does not; the law of
+    velocities finds its mean p = F + G / 2, that of positions, which weighs by the time left,
+    q = F + G / 3."""
+    return (3 * q - 2 * p) / (6 * (q - p)) if q > 0 and 4 * p < 3 * q else NEVER
 
 
 @kernel

@@ -5,7 +5,7 @@ from math import sqrt
 from touchstone.reference_impl.contact.contact_events import (
     ONSET_SOUGHT,
     SLIP_STRAIGHT,
-    first_leave,
+    first_change,
     first_onset,
     first_stop,
     note_free_slip,
@@ -29,6 +29,7 @@ from touchstone.reference_impl.contact.grip import (
 )
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
+from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
 from touchstone.reference_impl.continuous.contact_motion import (
     END_ERROR,
     bias_share,
@@ -66,6 +67,7 @@ from touchstone.reference_impl.core.conventions import (
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector, cross
+from touchstone.reference_impl.geometry.shapes import place_piece
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
 from touchstone.reference_impl.solver.islands import is_joined, island_of, join_islands, leads, mover_of
@@ -93,7 +95,7 @@ their velocities and those that set their paths differ by its square, and so doe
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
 GAP_ERROR = END_ERROR / 10
-"""Error of a mechanism's gap that the law of positions leaves [m]: one that sticks in several places, or at
+"""Error of a mechanism's gap that the law of positions changes [m]: one that sticks in several places, or at
 its limits, may not mend it."""
 LAWS_RATIO = 2.0
 """Sum of the normal impulses of the law of positions, over that of the law of velocities, from which the
@@ -122,9 +124,8 @@ def solve_resting_contacts(world, count, time, h):
         The length for which the impulses are valid [s], shorter if a sliding contact stops earlier, or if
         bodies rotate more than their contacts allow for.
     """
-    bodies, joints, drivers = world.bodies, world.joints, world.drivers
-    pairs, state = world.pairs, world.state
-    last_time, leaves = state["last_time"], ONSET_ROUNDS
+    bodies, drivers, pairs, state = world.bodies, world.drivers, world.pairs, world.state
+    last_time, changes = state["last_time"], ONSET_ROUNDS
     for k in range(count):
         pairs[k]["late_bias"] = 0.0
     while True:
@@ -144,23 +145,21 @@ def solve_resting_contacts(world, count, time, h):
             _solve_positions(world, count, h, True)
         if len(drivers) > 0:
             while _find_limits(world, h):
-                begin_again(bodies, joints, drivers)
-                restore_normals(pairs, count)
+                start_again(world, count)
                 h = _solve_velocities(world, count, h)
                 _solve_positions(world, count, h, False)
         if _correct_ends(world, count, h):
-            share = first_leave(pairs, count) if state["curved"] == 1 and leaves > 0 else NEVER
+            share = first_change(pairs, count) if state["curved"] == 1 and changes > 0 else NEVER
             if share >= 1 - ONSET_SHARE:
                 break
-            leaves -= 1
+            changes -= 1
             h *= share
         else:
             # a wedge may have no solution in which contacts close exactly: leave them as predicted
             failed = state["counters"][COUNT_UNCONVERGED] > unconverged
             state["halvings"] = HALVINGS if failed else state["halvings"] + 1
             h = h if failed else h / 2
-        begin_again(bodies, joints, drivers)
-        restore_normals(pairs, count)
+        start_again(world, count)
         forget_grips(pairs, count)
     # a repeated solve must not start from the one before it: where a slide stops within the substep, friction
     # may have any direction, and it keeps that one if the slip at the end is small
@@ -297,8 +296,7 @@ def _solve_velocities(world, count, h):
                 exact = min(exact, _swing_share(world, count, h))
             share, most = min(share, exact), min(most, exact * h)
             if converged and starts_to_curve(pairs, count, h):
-                begin_again(bodies, world.joints, world.drivers)
-                restore_normals(pairs, count)
+                start_again(world, count)
                 forget_grips(pairs, count)
                 continue
         # a driver's pull is no part of the prediction of a stop, which may come nearer by a few percent only
@@ -316,8 +314,7 @@ def _solve_velocities(world, count, h):
         if k == RESTING_CONTACT_ROUNDS - 1:
             state["counters"][CAP_HOLD_ROUNDS] += 1
             break
-        begin_again(bodies, world.joints, world.drivers)
-        restore_normals(pairs, count)
+        start_again(world, count)
         forget_grips(pairs, count)
         h = later
     return h
@@ -354,8 +351,7 @@ def _swing_share(world, count, h):
 @kernel
 def _solve_with_grips(world, count, h):
     """Solve the law of velocities once more, after grips have changed; returns whether it converged."""
-    begin_again(world.bodies, world.joints, world.drivers)
-    restore_normals(world.pairs, count)
+    start_again(world, count)
     _prepare_resting_contacts(world, count, h)
     apply_forces(world.bodies, world.joints, world.drivers, VELOCITY_LEAD, h, world.state)
     return _solve_together(world, count, h)
@@ -404,10 +400,24 @@ def _end_at_onset(world, count, h):
 
 
 @kernel
+def start_again(world, count):
+    """Return bodies, their round pieces and the rows `pairs[:count]` to the start of the substep, for another
+    attempt: how contacts move depends on where such pieces are."""
+    bodies, pieces, pairs = world.bodies, world.pieces, world.pairs
+    begin_again(bodies, world.joints, world.drivers)
+    restore_normals(pairs, count)
+    for k in range(count):
+        for side in range(2):
+            body = bodies[pairs[k]["body_b"] if side else pairs[k]["body_a"]]
+            piece = pieces[pairs[k]["piece_b"] if side else pairs[k]["piece_a"]]
+            if is_moving(body) and is_round(piece):
+                place_piece(piece, body, world.vertices, 0.0)
+
+
+@kernel
 def _solve_again(world, count, h):
     """`_solve_velocities` after another attempt at the substep."""
-    begin_again(world.bodies, world.joints, world.drivers)
-    restore_normals(world.pairs, count)
+    start_again(world, count)
     forget_grips(world.pairs, count)
     return _solve_velocities(world, count, h)
 
