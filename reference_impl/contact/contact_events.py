@@ -7,6 +7,7 @@ have their initial poses; that of an onset from the forces of two solves. No eve
 
 from math import acos, sqrt
 
+from touchstone.reference_impl.continuous.contact_kinematics import is_round
 from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR, RELEASED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import dot
@@ -154,12 +155,19 @@ def _stop(bodies, pairs, k, h, state):
 
 
 @kernel
-def first_change(pairs, count):
-    """Fraction of the substep at which the first curved contact leaves, its force at 0, or begins to slide,
-    its friction at the limit; NEVER if none does."""
+def first_change(pieces, pairs, count, sought):
+    """Fraction of the substep at which the first contact of a curved surface leaves, its force at 0, or
+    begins to slide, its friction at the limit; NEVER if none does.
+
+    Args:
+        sought: what slides at the end of the substep may have stuck at its start.
+    """
     first = NEVER
     for k in range(count):
-        if pairs[k]["curved"] != 1 or (pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k):
+        one, two = pieces[pairs[k]["piece_a"]], pieces[pairs[k]["piece_b"]]
+        if pairs[k]["curved"] != 1 or not (is_round(one) or is_round(two)):
+            continue
+        if pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k:
             continue
         load = path_load = spare = path_spare = 0.0
         row = k
@@ -176,7 +184,7 @@ def first_change(pairs, count):
         sticks = pairs[k]["static"] == 0 and pairs[k]["friction"] > 0 and _slip(pairs[k]) <= SLIDE_MIN
         if sticks and path_spare > CONE_CLOSE * path_load:
             first = min(first, _zero(spare, path_spare))
-        elif sticks and path_load > 0:
+        elif sticks and sought and path_load > 0:
             # it slides in both laws: over a shorter time it may stick at first
             first = min(first, ONSET_SOUGHT)
     return first

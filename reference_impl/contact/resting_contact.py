@@ -149,7 +149,9 @@ def solve_resting_contacts(world, count, time, h):
                 h = _solve_velocities(world, count, h)
                 _solve_positions(world, count, h, False)
         if _correct_ends(world, count, h):
-            share = first_change(pairs, count) if state["curved"] == 1 and changes > 0 else NEVER
+            share = NEVER
+            if state["curved"] == 1 and changes > 0:
+                share = first_change(world.pieces, pairs, count, last_time < 0)
             if share >= 1 - ONSET_SHARE:
                 break
             changes -= 1
@@ -167,7 +169,7 @@ def solve_resting_contacts(world, count, time, h):
         note_grips(bodies, pairs, count, state)
     store_impulses(bodies, pairs, count, state, h)
     # what has just begun to slide does so from the start of the next substep
-    state["last_time"] = -h if h == whole else 0.0
+    state["last_time"] = -h if h == whole and changes == ONSET_ROUNDS else 0.0
     log_held(bodies, pairs, count, world.contacts, state, time)
     return h
 
