@@ -222,6 +222,35 @@ def test_python_files_give_marked_scenes(tmp_path):
             scenes_of_file(path)
 
 
+@pytest.mark.parametrize(
+    ("code", "end"),
+    [
+        ("os._exit(0)", r"mine.py: it ends the process that reads it: exit code 0"),
+        ("os.kill(os.getpid(), 9)", r"mine.py: it ends the process that reads it: signal SIGKILL"),
+        ("os.abort()", r"mine.py:2: it ends the process that reads it: signal SIGABRT"),
+        ("ctypes.string_at(0)", r"mine.py:2: it ends the process that reads it: signal SIGSEGV"),
+        ("raise KeyboardInterrupt", r"mine.py:2: KeyboardInterrupt"),
+        ("atexit.register(os._exit, 7)", r"mine.py: no function marked @scene"),
+        ("os.close(1)", r"mine.py: no function marked @scene"),
+    ],
+)
+def test_a_python_file_ends_its_own_process_alone(tmp_path, code, end):
+    """A file that exits, aborts or crashes is refused by name: the program goes on."""
+    path = tmp_path / "mine.py"
+    path.write_text(f"import atexit, ctypes, os\n{code}\n")
+    with pytest.raises(SceneFileError, match=end):
+        scenes_of_file(path)
+
+
+def test_what_a_python_file_prints_is_no_result(tmp_path, capfd):
+    """Standard output is for results: that of a scene file goes to standard error."""
+    path = tmp_path / "mine.py"
+    path.write_text("print('loading')\n")
+    with pytest.raises(SceneFileError, match="no function marked"):
+        scenes_of_file(path)
+    assert capfd.readouterr() == ("", "loading\n")
+
+
 def test_the_schema_names_every_field():
     """The JSON Schema has all parts of a scene, with their descriptions, and refuses unknown fields."""
     schema = json_schema()
