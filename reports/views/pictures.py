@@ -31,7 +31,7 @@ Looks = Mapping[str, Any]
 """Colour and shape of marks, for `encode`."""
 DECADES, SHORT = 8, 100.0
 """Most ticks of a logarithmic axis, and largest ratio of its ends with ticks within decades [1]."""
-POWERS = "format(datum.value, datum.value < 1e-3 || datum.value > 1e5 ? '.0e' : '~g')"
+POWERS = "replace(format(datum.value, datum.value < 1e-3 || datum.value > 1e5 ? '.0e' : '~g'), '+', '')"
 """Text of a tick of a logarithmic axis."""
 
 
