@@ -65,6 +65,7 @@ def test_a_short_file_is_a_whole_scene(scene):
     [
         ("pieces =", "peices =", "10: bodies[0].peices: unknown field 'peices'; did you mean 'pieces'"),
         ("mass =", "mas =", "9: bodies[0].mas: unknown field 'mas'; did you mean 'mass'"),
+        ("mass =", "shape =", "9: bodies[0].shape: unknown field 'shape'; pieces have it"),
         ('"simulated"', '"simulatd"', "7: bodies[0].kind: found 'simulatd', expected 'fixed', 'sim"),
         ("duration = 1.0", 'duration = "1"', "2: duration: found '1', expected a valid number"),
         ("duration = 1.0\n", "", "1: duration: missing"),
