@@ -116,7 +116,7 @@ def build(engine: Engine, scenario: Scenario, settings: Settings) -> tuple[World
 def planned_for(engine: str, scenario: Scenario, settings: Settings) -> tuple[Scenario, Settings, Plan]:
     """The scene and the settings that an engine of this name gets, and the plan."""
     plan = planned(scenario, settings.effects)
-    applied = plan.applied(scenario, _keeps_pieces(engine))
+    applied = plan.applied(scenario, _kept_by(engine))
     whole = bool(plan.removed) or set(PLANNED) <= set(settings.effects or ())  # no bound of the plan holds
     left = dataclasses.replace(
         settings, skipped=plan.skipped, fat_bounds=not whole, sleeping=plan.on("sleeping")
@@ -124,8 +124,8 @@ def planned_for(engine: str, scenario: Scenario, settings: Settings) -> tuple[Sc
     return applied, left, plan
 
 
-def _keeps_pieces(engine: str) -> str:
-    return ENGINES[engine].keeps_pieces if engine in ENGINES else ""
+def _kept_by(engine: str) -> tuple[str, ...]:
+    return ENGINES[engine].keeps if engine in ENGINES else ()
 
 
 def warm_up(engine: Engine, scenario: Scenario, settings: Settings) -> None:
@@ -333,6 +333,14 @@ class Player:
         return times
 
 
+BODIES_KEPT = {
+    "fixed": "fixed bodies",
+    "met": "bodies that something can meet",
+    "moving": "bodies that move",
+}
+"""Whose pieces an engine keeps (`Entry.keeps`), in words."""
+
+
 def _beyond(engine: str, decision: Decision) -> str:
     """Note on an effect that an engine cannot represent."""
     only = EFFECT_TABLE[decision.effect].only
@@ -340,10 +348,14 @@ def _beyond(engine: str, decision: Decision) -> str:
         return f"; {engine} has no such stage"
     if decision.effect == "rotation" and decision.state == "not needed":
         return f"; {engine} integrates it all the same"
-    keeps = _keeps_pieces(engine)
-    if decision.effect == "contact" and decision.on and keeps:
-        which = "the fixed pieces" if keeps == "fixed" else "pieces"
-        return f"; {engine} keeps {which} that meet nothing, without which its steps take no less time"
+    keeps = _kept_by(engine)
+    if decision.effect == "gravity" and decision.state == "not needed" and "gravity" in keeps:
+        return f"; {engine} keeps it: its steps take no less time without"
+    if decision.effect == "contact" and decision.state != "forced off":
+        kept = [BODIES_KEPT[one] for one in keeps if one in BODIES_KEPT and (decision.on or one == "moving")]
+        if kept:
+            whose = " and of ".join(kept)
+            return f"; {engine} keeps all pieces of {whose}: its steps take no less time without"
     return ""
 
 

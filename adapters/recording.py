@@ -90,6 +90,9 @@ class RunEnded(AdapterError):
         super().__init__(reason)
         self.recording = recording
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.recording)
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Recording(ShortRepr):

@@ -90,12 +90,15 @@ def _collected() -> tuple[dict[str, Scenario], list[str]]:
     return found, broken
 
 
-def scenes_of(load: Callable[[], ModuleType], file: str) -> tuple[dict[str, Scenario], list[str]]:
+def scenes_of(
+    load: Callable[[], ModuleType], file: str, also: tuple[type[BaseException], ...] = ()
+) -> tuple[dict[str, Scenario], list[str]]:
     """Scenes by name of a module's functions marked `@scene`, and a line for each that gives none; `load`
-    imports it, `file` is its name in these lines."""
+    imports it, `file` is its name in these lines. Exceptions `also` are lines too."""
+    caught: tuple[type[BaseException], ...] = (Exception, SystemExit, *also)
     try:
         values = list(vars(load()).values())
-    except (Exception, SystemExit) as error:
+    except caught as error:
         return {}, [f"{file}{_place(error, file)}: {_one_line(error)}"]
     found: dict[str, Scenario] = {}
     broken: list[str] = []
@@ -109,7 +112,7 @@ def scenes_of(load: Callable[[], ModuleType], file: str) -> tuple[dict[str, Scen
         except ScenarioError as error:
             broken += [f"{name}: scenario {error.name!r}: {path}: {text}" for path, text in error.faults]
             continue
-        except (Exception, SystemExit) as error:
+        except caught as error:
             broken.append(f"{name}{_place(error, file)}: {_one_line(error)}")
             continue
         for scenario in several:

@@ -105,9 +105,9 @@ class Plan:
         """Effects that the scene requires but that the caller excluded."""
         return tuple(decision.effect for decision in self.decisions if decision.state == "forced off")
 
-    def applied(self, scenario: Scenario, keeps: str = "") -> Scenario:
+    def applied(self, scenario: Scenario, keeps: Collection[str] = ()) -> Scenario:
         """Scenario without what the plan omits: pieces, coefficients, gravity, chains and cones; `keeps`
-        names pieces that stay all the same (`Entry.keeps_pieces`)."""
+        names what stays all the same (`Entry.keeps`), unless the caller excluded it."""
         contact = self.on("contact")
         driven = {k for links in map(scenario.links, scenario.trackers) for k in links if self.pieces[k]}
         groups = scenario.groups()
@@ -117,14 +117,16 @@ class Plan:
             # A hand or an avatar keeps all pieces, because these determine which of its links are adjacent.
             if len(kept) == len(body.pieces)
             or groups[k] in followed
-            or (keeps == "fixed" and contact and body.kind == "fixed")
-            or (keeps == "met" and kept)
+            or ("fixed" in keeps and contact and body.kind == "fixed")
+            or ("met" in keeps and kept)
+            or ("moving" in keeps and body.kind != "fixed" and "contact" not in self.removed)
             else replace(body, pieces=tuple(body.pieces[i] for i in kept))
             for k, (body, kept) in enumerate(zip(scenario.bodies, self.pieces))
         )
         if "rotation" in self.removed:
             bodies = tuple(_held_from_turning(body) for body in bodies)
-        effects = tuple(effect for effect in scenario.effects if self.on(effect))
+        stays = {"gravity"} & set(keeps) - set(self.removed)
+        effects = tuple(effect for effect in scenario.effects if effect in stays or self.on(effect))
         chains = scenario.chains if self.on("inverse_kinematics") or self.on("attraction") else ()
         if "inverse_kinematics" in self.removed:
             chains = ()

@@ -70,6 +70,9 @@ class ScenarioError(ValueError):
         lines = "\n".join(f"  {path}: {message}" for path, message in faults)
         super().__init__(f"scenario {name!r} has {len(faults)} fault(s):\n{lines}")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.name, self.faults)
+
 
 class ShortRepr:
     """Base of dataclasses that print a few lines: arrays, long texts and collections by their sizes."""

@@ -38,9 +38,10 @@ class Entry:
         pins: "name==version" of all packages of an environment of its own (`workers/own_environment.py`), for
             requirements that conflict with this program's; () if it needs none.
         lacks: abilities of `conformance/abilities.py` that its first profile has not.
-        keeps_pieces: pieces that plans leave it although nothing can meet them, because its steps take no
-            less time without them (`touchstone study effects`): `fixed` those of fixed bodies, where there is
-            contact; `met` those of bodies of which something can meet a piece.
+        keeps: what plans leave it although a scene does not need it, because its steps take no less time
+            without (`touchstone study effects`): pieces that nothing can meet, namely `fixed` those of fixed
+            bodies, where there is contact, `met` those of bodies of which something can meet a piece, and
+            `moving` those of bodies that are not fixed; `gravity`.
         backend_of: engine of which this is another implementation, with its profiles; "" if of none.
 
     Profiles: `recommended` is what the engine's documentation and maintainers recommend for such scenes, at
@@ -65,7 +66,7 @@ class Entry:
     script: str = ""
     pins: tuple[str, ...] = ()
     lacks: tuple[str, ...] = ()
-    keeps_pieces: Literal["", "fixed", "met"] = ""
+    keeps: tuple[Literal["fixed", "met", "moving", "gravity"], ...] = ()
     backend_of: str = ""
 
 

@@ -275,12 +275,14 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
     """Draw one panel per curve. A marker is the median, a bar its 95 % interval."""
     shown = [name for name in TITLES if (frame.scenario == name).any()]
     panels = [_panel(frame[frame.scenario == name], *TITLES[name]) for name in shown]
-    save(alt.hconcat(*panels).resolve_scale(color="independent", shape="independent"), path)
+    note = "marker: median; line: the power law that fits best, with its exponent in the legend"
+    drawn = alt.hconcat(*panels, spacing=24).resolve_scale(color="independent", shape="independent")
+    save(drawn, path, "Growth of times with size", note)
 
 
 def _panel(part: pd.DataFrame, title: str, sizes_label: str) -> Any:
     powers = part[part.metric == "scaling.exponent"].set_index("engine").value
-    heads = {engine: f"{engine}: n to the {power:.2f}" for engine, power in powers.items()}
+    heads = {engine: f"{engine}, n^{power:.2f}" for engine, power in powers.items()}
     points = part[(part.metric == "scaling.time") & part.engine.isin(powers.index)]
     sizes = points.subject.str.split().str[0].astype(float)  # "100 pieces" is 100
     points = points.assign(size=sizes, engine=points.engine.map(heads))
@@ -291,10 +293,10 @@ def _panel(part: pd.DataFrame, title: str, sizes_label: str) -> Any:
         middle = np.exp(np.mean(np.log(mine.value) - power * np.log(mine["size"])))
         fit = mine.iloc[[0, -1]]
         fits.append(fit.assign(value=middle * fit["size"] ** power))
-    text = "median time [µs], 95 % interval, fitted power law"
+    text = "median time [µs], 95 % interval"
     x = log_axis(alt.X, "size", sizes_label, ends(sizes), values=sorted(set(sizes)), grid=False)
     y = log_axis(alt.Y, "value", text, ends(pd.concat(fits).value, points.low, points.high))
-    marks = detector_looks(heads.values())
+    marks = {name: mark.legend(columns=2) for name, mark in detector_looks(heads.values()).items()}
     base = alt.Chart(points).encode(x=x, color=marks["color"])
     lines = alt.Chart(pd.concat(fits)).mark_line(opacity=0.65, strokeWidth=1.3)
     drawn = (
@@ -302,7 +304,7 @@ def _panel(part: pd.DataFrame, title: str, sizes_label: str) -> Any:
         + base.mark_rule(strokeWidth=1.2).encode(y="low:Q", y2="high:Q")
         + base.mark_point(filled=True, size=40, opacity=1).encode(y=y, shape=marks["shape"])
     )
-    return drawn.properties(title=title, width=270, height=220)
+    return drawn.properties(title=title, width=300, height=230)
 
 
 STUDY = "bench scaling"

@@ -483,10 +483,10 @@ class Shot(NamedTuple):
 
 SHOTS = {
     "arms_cross": Shot(2.4, azimuth=150.0),
-    "ball_snip": Shot(0.40, azimuth=120.0, elevation=-25.0, distance=0.5, at="palm"),
+    "ball_snip": Shot(0.40, azimuth=120.0, elevation=-25.0, distance=0.4, at="ball"),
     "corner_slide": Shot(2.6),
     "push_box": Shot(1.9, distance=3.2),
-    "table_slide": Shot(5.7, elevation=-25.0, distance=0.9, at="palm"),
+    "table_slide": Shot(5.7, elevation=-25.0, distance=0.75, at="palm"),
     "two_arms": Shot(3.25),
     "volley": Shot(0.43, azimuth=100.0, elevation=-15.0),
     "wall_push": Shot(3.0),

@@ -283,8 +283,8 @@ def deviations_picture(frame: pd.DataFrame, path: Path) -> None:
     """Draw one row of markers per relation that applies to a scene, and engine."""
     rows = scaled(frame).rename(columns={"relation": "row"})
     names = [name for name in NAMES if name in set(rows["row"])]
-    text = "deviation over the scene's size and its amplification [1]; dotted: rounding; left edge: 0"
-    drawn = strips(names, rows, log_axis(alt.X, "scaled", text, (FLOOR, CEILING))) + rule(x=HELD)
+    text = "deviation over the scene's size and its amplification [1]; dotted: limit; left edge: 0"
+    drawn = strips(names, rows, log_axis(alt.X, "scaled", text, (FLOOR / 3, CEILING))) + rule(x=HELD)
     save(drawn, path, "Changed scenes: how far motions are from where they must be")
 
 

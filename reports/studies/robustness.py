@@ -364,7 +364,8 @@ def rise_over_residual(runs: pd.DataFrame, path: Path) -> None:
         drawn = marks + rule(x=RESIDUAL_OPEN) + rule(y=EXACT.rise)
         title = f"{engine}, {profile}: {plural(len(part), 'run')}"
         panels.append(drawn.properties(title=title, width=320, height=230))
-    save(grid(panels, ACROSS), path, "Random scenes: rise of energy and residual")
+    note = "dotted: bounds of a run that is ok; lower and left edges: at most 1e-16"
+    save(grid(panels, ACROSS), path, "Random scenes: rise of energy and residual", note)
 
 
 def _end(values: pd.Series, bound: float) -> float:

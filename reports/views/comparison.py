@@ -396,7 +396,8 @@ def _panel(line: Line, results: Results, top: float) -> Any:
     floor, scale = line.same * BELOW, in_tables(line.metric)[1]
     found = _courses(line, results).items()
     courses = {engine: (time, scale * np.maximum(values, floor)) for engine, (time, values) in found}
-    y = _from_zero(alt.Y, f"[{unit_of(line.metric)}]", floor * scale, top * scale)
+    label = f"{line.metric.partition('.')[0]} [{unit_of(line.metric)}]"
+    y = _from_zero(alt.Y, label, floor * scale, top * scale)
     drawn = _lines(courses, columns(results)).encode(x=alt.X("time:Q", title="time [s]"), y=y)
     for limit, dash in {(r.limit, tuple(DASHES if e != REFERENCE else DOTS)) for e, r in line.rows.items()}:
         drawn = rule(dash, y=scale * limit) + drawn if limit >= floor else drawn

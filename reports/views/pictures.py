@@ -31,7 +31,7 @@ Looks = Mapping[str, Any]
 """Colour and shape of marks, for `encode`."""
 DECADES, SHORT = 8, 100.0
 """Most ticks of a logarithmic axis, and largest ratio of its ends with ticks within decades [1]."""
-POWERS = "format(datum.value, datum.value < 1e-3 || datum.value > 1e5 ? '.0e' : '~g')"
+POWERS = "replace(format(datum.value, datum.value < 1e-3 || datum.value > 1e5 ? '.0e' : '~g'), '+', '')"
 """Text of a tick of a logarithmic axis."""
 
 
@@ -164,7 +164,7 @@ def strips(
         size: width of the chart and height of a row [point].
     """
     engines = list(dict.fromkeys(points.engine))
-    y = alt.Y("row:N", sort=list(rows), title=None, axis=alt.Axis(ticks=False, grid=False))
+    y = alt.Y("row:N", sort=list(rows), title=None, axis=alt.Axis(ticks=False, grid=False, labelPadding=6))
     drawn = alt.Chart(points).mark_point(filled=True, size=20, opacity=0.7)
     drawn = drawn.encode(x=x, y=y, yOffset=alt.YOffset("engine:N", sort=engines), **(marks or looks(engines)))
     return drawn.properties(width=size[0], height=size[1] * len(rows))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from touchstone.scenarios.catalogue import all_names, find
 from touchstone.scenarios.files.python_file import scenes_of_python
@@ -21,6 +22,9 @@ class NoScene(ValueError):
     def __init__(self, name: str) -> None:
         self.name = name
         super().__init__(f"unknown scenario {name!r}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.name,)
 
 
 def scenes_named(names: Iterable[str], hold_last: bool = False, allow_paths: bool = False) -> list[Scenario]:

@@ -152,7 +152,8 @@ def _message(one: Any, path: Path, model: type[BaseModel]) -> str:
     match one["type"]:
         case "extra_forbidden":
             valid = _valid_fields(one["loc"], model)
-            return f"{_unknown(path[-1], valid)} (valid: {', '.join(valid)})"
+            within = _parts_with(path[-1], _model_at(one["loc"], model))
+            return f"{_unknown(path[-1], valid)}{within} (valid: {', '.join(valid)})"
         case "missing":
             return "missing"
         case "union_tag_invalid" | "union_tag_not_found":
@@ -186,6 +187,14 @@ def _unknown(name: object, valid: list[str]) -> str:
     near = difflib.get_close_matches(str(name), valid, n=3, cutoff=0.5)
     hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
     return f"unknown field {name!r}{hint}"
+
+
+def _parts_with(name: object, model: Any) -> str:
+    """The parts of a model that have a field of this name."""
+    own = model.model_fields if model is not None else {}
+    parts = {part: _inner_model(field.annotation) for part, field in own.items()}
+    those = [part for part, inner in parts.items() if inner is not None and name in inner.model_fields]
+    return f"; {' and '.join(those)} have it" if those else ""
 
 
 def _no_shape(found: Any) -> str:

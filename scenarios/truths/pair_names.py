@@ -22,6 +22,10 @@ class PairName(str):
         name.body_a, name.body_b = body_a, body_b
         return name
 
+    def __reduce__(self) -> tuple[type[PairName], tuple[str, str, int]]:
+        number = self[len(f"{self.body_a}-{self.body_b} #") :]
+        return PairName, (self.body_a, self.body_b, int(number or 0))
+
 
 def ambiguities(names: Sequence[str]) -> Iterator[tuple[int, str]]:
     """Places of names that give two pairs one name, and the reason."""

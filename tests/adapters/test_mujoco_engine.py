@@ -247,7 +247,7 @@ SCENES = (
 
 def build(scenario: Scenario):
     """A world in which only what the plan has is simulated."""
-    left = planned(scenario).applied(scenario, "fixed")
+    left = planned(scenario).applied(scenario, ("fixed",))
     return mujoco_engine.MujocoEngine().build(left, SETTINGS)
 
 
@@ -336,7 +336,7 @@ def test_explicit_pairs_are_the_exception() -> None:
 @pytest.mark.parametrize("name", sorted(name for name, one in catalogue().items() if "large" not in one.tags))
 def test_masks_allow_touching_pairs_and_no_others(name: str) -> None:
     """Let exactly the touching pairs of every scene collide, after masks, exclusions and explicit pairs."""
-    scenario = planned(catalogue()[name]).applied(catalogue()[name], "fixed")
+    scenario = planned(catalogue()[name]).applied(catalogue()[name], ("fixed",))
     found = contact_filter(scenario)
     allowed = set(found.explicit)
     for a, b in combinations(sorted(found.geoms), 2):

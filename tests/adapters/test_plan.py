@@ -141,8 +141,8 @@ def test_engines_hold_the_shapes_that_are_left(registry: SimpleNamespace, name: 
     reported = player.world.describe().settings
     left = list(map(len, plan.pieces))
     pieces = [len(body.pieces) for body in scenario.bodies]
-    if name == "bullet":  # its steps take no less time without parts of bodies
-        left = [m if n else 0 for m, n in zip(pieces, left)]
+    if name == "bullet":  # its steps take no less time without parts of bodies, or shapes of what moves
+        left = [m if n or b.kind != "fixed" else 0 for b, m, n in zip(scenario.bodies, pieces, left)]
     if name == "mujoco":
         if plan.on("contact"):  # its steps take longer without the fixed pieces that meet nothing
             left = [m if b.kind == "fixed" else n for b, m, n in zip(scenario.bodies, pieces, left)]
@@ -152,9 +152,22 @@ def test_engines_hold_the_shapes_that_are_left(registry: SimpleNamespace, name: 
     assert reported["collision_shapes"] == sum(left)
     effects = player.recording().facts["effects"]
     player.world.close()
-    assert (f"{name} keeps" in effects["contact"]) == (name in ("bullet", "mujoco") and plan.on("contact"))
+    keeps = name == "bullet" or (name == "mujoco" and plan.on("contact"))
+    assert (f"{name} keeps" in effects["contact"]) == keeps
+    assert ("keeps it" in effects["gravity"]) == (name == "bullet" and not plan.on("gravity"))
     assert effects["inverse_kinematics"].endswith("has no such stage") == (name != "reference")
     assert effects["sleeping"].endswith("no such stage") == (name == "reference")
+
+
+@pytest.mark.parametrize(("asked", "gravity", "pieces"), [("gravity", -9.81, 0), ("contact", 0.0, 1)])
+def test_an_engine_keeps_nothing_that_the_caller_excludes(
+    lab: SimpleNamespace, asked: str, gravity: float, pieces: int
+) -> None:
+    """Leave out contact, or gravity, that a falling ball needs: no engine keeps them."""
+    scene = lab.scene(lab.ground(), lab.ball())
+    left = planned(scene, (asked,)).applied(scene, ("fixed", "met", "moving", "gravity"))
+    assert left.acting_gravity[2] == gravity
+    assert len(left.bodies[1].pieces) == pieces
 
 
 def test_results_are_marked_by_what_was_asked_for() -> None:

@@ -94,12 +94,17 @@ def test_variants_of_a_fall(registry) -> None:
 
 @pytest.mark.engines
 def test_a_plan_that_changes_no_world_is_not_timed(registry) -> None:
-    """All bodies of a bounce meet, so that it is played once; without friction MuJoCo has other cones."""
+    """All bodies of a bounce meet, so that it is played once; without friction MuJoCo has other cones, and
+    Bullet keeps what saves it nothing."""
     engine = registry.engine("mujoco")
     for name, same in (("bounce_e05", True), ("collide_central", False), ("spring", False)):
         task = Task(catalogue()[name], "mujoco", own_settings("mujoco"))
         _, found = effects.measure(engine, task)
         assert (found[""] is found[ALL]) == same
+    bullet = registry.engine("bullet")  # without shapes or gravity its steps take no less time
+    for name in ("slap_6", "spring"):
+        _, found = effects.measure(bullet, Task(catalogue()[name], "bullet", own_settings("bullet")))
+        assert found[""] is found[ALL]
     _, found = effects.measure(engine, Task(catalogue()["bounce_e05"], "mujoco", own_settings("mujoco")))
     rows = by_metric(effects.rows_of_variants(replace(BASE, engine="mujoco"), found))
     assert rows["time.saved", ALL].value == rows["time.saved", ALL].low == rows["time.saved", ALL].high == 0

@@ -19,6 +19,8 @@ from touchstone.scenarios.scenario import Body, Box, Piece, Scenario
 WIDTH, HEIGHT = 960, 600
 SAMPLES = 8
 """Samples of a pixel against jagged edges."""
+SHADED = 0.7
+"""Half the width of what has shadows, over the camera's distance [1]: their texels are a share of it."""
 LAMP = 2.5
 """Height of the lamp over the camera, over the camera's distance [1]."""
 FIELD_OF_VIEW = 45.0
@@ -62,6 +64,7 @@ def still(scenario: Scenario, position: Array, orientation: Array, view: View) -
 
     spec = _spec(mujoco, scenario, position, orientation, view)
     model = spec.compile()
+    model.vis.map.shadowclip = SHADED * view.distance / model.stat.extent
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
@@ -82,7 +85,7 @@ def _spec(mujoco: Any, scenario: Scenario, position: Array, orientation: Array, 
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = WIDTH, HEIGHT
     spec.visual.global_.fovy = FIELD_OF_VIEW
-    spec.visual.quality.offsamples, spec.visual.quality.shadowsize = SAMPLES, 4096
+    spec.visual.quality.offsamples, spec.visual.quality.shadowsize = SAMPLES, 8192
     spec.visual.map.znear, spec.visual.headlight.ambient = 0.005, (0.45, 0.45, 0.45)
     spec.visual.headlight.diffuse, spec.visual.headlight.specular = (0.3, 0.3, 0.3), (0.0, 0.0, 0.0)
     spec.add_texture(

@@ -144,7 +144,7 @@ const SAMPLES = 4;
 const TEXT_INTERVAL = 100;
 const LIGHT = `const vec3 light = vec3(0.3149, -0.4949, 0.8099);
 float lit_by(vec3 m) { return 0.7 + 0.1 * m.z + 0.26 * max(dot(m, light), 0.0); }`;
-// Fixed bodies: walls towards the viewer are cut away, and what is far fades.
+// Fixed bodies: walls towards the viewer and tops over what it looks at are cut away, and what is far fades.
 const ROOM_VERTEX = `#version 300 es
 in vec3 position; in vec3 normal; in vec3 tint;
 uniform mat4 camera; uniform vec3 eye;
@@ -156,11 +156,11 @@ void main() {
 const ROOM_FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 n; in vec3 color; in vec3 back;
-uniform float cut; uniform vec3 sky; uniform float far;
+uniform float cut; uniform float over; uniform vec3 sky; uniform float far;
 out vec4 pixel;
 void main() {
   float depth = length(back);
-  if (dot(n, back) < 0.0 || (depth < cut && n.z < 0.8)) discard;
+  if (dot(n, back) < 0.0 || (depth < cut && (n.z < 0.8 || back.z < over))) discard;
   pixel = vec4(mix(color, sky, smoothstep(0.55, 1.0, depth / far)), 1.0);
 }`;
 // All pieces of moving bodies of one engine in one call: each corner finds the pose and colour of its piece in a texture.
@@ -494,6 +494,7 @@ class Player {
     gl.uniform3fv(room.sky, this.sky);
     gl.uniform1f(room.far, this.view.distance + 9);
     gl.uniform1f(room.cut, this.view.distance - this.cutBy);
+    gl.uniform1f(room.over, this.view.distance * Math.sin(this.view.pitch));
     gl.bindVertexArray(this.room.array);
     gl.drawArrays(gl.TRIANGLES, 0, this.room.count);
     const solid = use(this.solid), [first, count] = this.playing && this.detail < 1 ? this.moving.coarse : this.moving.fine;

@@ -551,7 +551,7 @@ def work_precision(frame: pd.DataFrame, path: Path) -> None:
     levels = alt.Chart(pd.DataFrame(LEVELS, columns=["level", "name"])).encode(y="level:Q")
     drawn = (
         levels.mark_rule(color=PALE, strokeDash=DASHES)
-        + levels.mark_text(color=PALE, align="right", dy=-6).encode(x=alt.value(640), text="name:N")
+        + levels.mark_text(color=PALE, align="left", dy=-6).encode(x=alt.value(4), text="name:N")
         + base.mark_rule(strokeWidth=4, strokeOpacity=0.4).encode(y="median:Q", y2="p95:Q")
         + base.mark_rule().encode(y="median:Q", y2="largest:Q")
         + base.mark_point(filled=True, size=80, opacity=1).encode(y=y, shape=marks["shape"])

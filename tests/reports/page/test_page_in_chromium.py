@@ -1,6 +1,7 @@
 """The page in a real browser, from disk, with the network off; frames a second of its player."""
 
 import time
+from collections import Counter
 
 import pytest
 
@@ -84,6 +85,22 @@ def test_a_link_opens_the_fold_of_its_scene(opened):
     opened.evaluate("document.getElementById('scene-test_1').open = false")
     opened.click(".matrix a[href='#scene-test_1']")
     assert opened.evaluate("document.getElementById('scene-test_1').open")
+
+
+def test_a_top_over_the_target_is_cut_away(opened):
+    """From above the floor is drawn under the ball, and not where it hides what the camera looks at."""
+    counts = []
+    opened.evaluate(f"{PLAYER}.home = structuredClone({PLAYER}.view), {PLAYER}.kept = {PLAYER}.cutBy")
+    for down in (0, 1):
+        opened.evaluate(
+            f"(down) => {{ const view = {PLAYER}.view; {PLAYER}.cutBy = 0.3;"
+            " view.pitch = 1.4; view.distance = 2; view.target[2] -= down; }",
+            down,
+        )
+        counts.append(Counter(pixels(opened, 0)))
+    opened.evaluate(f"{PLAYER}.view = structuredClone({PLAYER}.home), {PLAYER}.cutBy = {PLAYER}.kept")
+    (floor, drawn), *_ = counts[0].most_common(1)
+    assert drawn > 10 * counts[1][floor]
 
 
 def test_the_scrubber_moves_the_bodies(opened):

@@ -65,6 +65,7 @@ def test_a_short_file_is_a_whole_scene(scene):
     [
         ("pieces =", "peices =", "10: bodies[0].peices: unknown field 'peices'; did you mean 'pieces'"),
         ("mass =", "mas =", "9: bodies[0].mas: unknown field 'mas'; did you mean 'mass'"),
+        ("mass =", "shape =", "9: bodies[0].shape: unknown field 'shape'; pieces have it"),
         ('"simulated"', '"simulatd"', "7: bodies[0].kind: found 'simulatd', expected 'fixed', 'sim"),
         ("duration = 1.0", 'duration = "1"', "2: duration: found '1', expected a valid number"),
         ("duration = 1.0\n", "", "1: duration: missing"),
@@ -220,6 +221,35 @@ def test_python_files_give_marked_scenes(tmp_path):
         path.write_text(code)
         with pytest.raises(SceneFileError, match=reason):
             scenes_of_file(path)
+
+
+@pytest.mark.parametrize(
+    ("code", "end"),
+    [
+        ("os._exit(0)", r"mine.py: it ends the process that reads it: exit code 0"),
+        ("os.kill(os.getpid(), 9)", r"mine.py: it ends the process that reads it: signal SIGKILL"),
+        ("os.abort()", r"mine.py:2: it ends the process that reads it: signal SIGABRT"),
+        ("ctypes.string_at(0)", r"mine.py:2: it ends the process that reads it: signal SIGSEGV"),
+        ("raise KeyboardInterrupt", r"mine.py:2: KeyboardInterrupt"),
+        ("atexit.register(os._exit, 7)", r"mine.py: no function marked @scene"),
+        ("os.close(1)", r"mine.py: no function marked @scene"),
+    ],
+)
+def test_a_python_file_ends_its_own_process_alone(tmp_path, code, end):
+    """A file that exits, aborts or crashes is refused by name: the program goes on."""
+    path = tmp_path / "mine.py"
+    path.write_text(f"import atexit, ctypes, os\n{code}\n")
+    with pytest.raises(SceneFileError, match=end):
+        scenes_of_file(path)
+
+
+def test_what_a_python_file_prints_is_no_result(tmp_path, capfd):
+    """Standard output is for results: that of a scene file goes to standard error."""
+    path = tmp_path / "mine.py"
+    path.write_text("print('loading')\n")
+    with pytest.raises(SceneFileError, match="no function marked"):
+        scenes_of_file(path)
+    assert capfd.readouterr() == ("", "loading\n")
 
 
 def test_the_schema_names_every_field():
