@@ -88,7 +88,7 @@ def test_a_link_opens_the_fold_of_its_scene(opened):
 
 
 def test_a_top_over_the_target_is_cut_away(opened):
-    """From above the floor is drawn under the ball, and not where it hides what the camera looks at."""
+    """From above the floor is drawn under the ball, and not where it is between camera and ball."""
     counts = []
     opened.evaluate(f"{PLAYER}.home = structuredClone({PLAYER}.view), {PLAYER}.kept = {PLAYER}.cutBy")
     for down in (0, 1):
