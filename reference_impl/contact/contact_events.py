@@ -1,8 +1,9 @@
-"""Contact events within a substep: the return of a separating contact, the stop of a sliding one, and the
-onset of sliding of one that sticks.
+"""Contact events within a substep: the return of a separating contact, the stop of a sliding one, the onset
+of sliding of one that sticks, and the leaving of a curved surface.
 
 The times of the first two follow from the velocities before and after the contact solve, while bodies still
-have their initial poses; that of an onset from the forces of two solves. No event occurs in a dense substep.
+have their initial poses; those of the others from forces that change evenly. No event occurs in a dense
+substep.
 """
 
 from math import acos, sqrt
@@ -169,7 +170,7 @@ def first_change(pieces, pairs, count, sought):
             continue
         if pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k:
             continue
-        load = path_load = spare = path_spare = 0.0
+        load = path_load = margin = path_margin = 0.0
         row = k
         while row >= 0:
             pair = pairs[row]
@@ -177,13 +178,13 @@ def first_change(pieces, pairs, count, sought):
             n = pair["path_normal"] if pair["followed"] == 1 else pair["normal"]
             along, far_along = dot(pair["normal"], p), dot(n, q)
             load, path_load = load + along, path_load + far_along
-            spare += pair["friction"] * along - sqrt(max(0.0, dot(p, p) - along * along))
-            path_spare += pair["friction"] * far_along - sqrt(max(0.0, dot(q, q) - far_along * far_along))
+            margin += pair["friction"] * along - sqrt(max(0.0, dot(p, p) - along * along))
+            path_margin += pair["friction"] * far_along - sqrt(max(0.0, dot(q, q) - far_along * far_along))
             row = pair["next_point"]
         first = min(first, _zero(load, path_load))
         sticks = pairs[k]["static"] == 0 and pairs[k]["friction"] > 0 and _slip(pairs[k]) <= SLIDE_MIN
-        if sticks and path_spare > CONE_CLOSE * path_load:
-            first = min(first, _zero(spare, path_spare))
+        if sticks and path_margin > CONE_CLOSE * path_load:
+            first = min(first, _zero(margin, path_margin))
         elif sticks and sought and path_load > 0:
             # it slides in both laws: over a shorter time it may stick at first
             first = min(first, ONSET_SOUGHT)

@@ -95,7 +95,7 @@ their velocities and those that set their paths differ by its square, and so doe
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
 GAP_ERROR = END_ERROR / 10
-"""Error of a mechanism's gap that the law of positions changes [m]: one that sticks in several places, or at
+"""Error of a mechanism's gap that the law of positions leaves [m]: one that sticks in several places, or at
 its limits, may not mend it."""
 LAWS_RATIO = 2.0
 """Sum of the normal impulses of the law of positions, over that of the law of velocities, from which the
