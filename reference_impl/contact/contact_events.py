@@ -158,7 +158,8 @@ def _stop(bodies, pairs, k, h, state):
 @kernel
 def first_change(pieces, pairs, count, sought):
     """Fraction of the substep at which the first contact of a curved surface leaves, its force at 0, or
-    begins to slide, its friction at the limit; NEVER if none does.
+    begins to slide, its friction at the limit; NEVER if none does. Where several contacts share a load, that
+    of one tells neither.
 
     Args:
         sought: what slides at the end of the substep may have stuck at its start.
@@ -168,7 +169,7 @@ def first_change(pieces, pairs, count, sought):
         one, two = pieces[pairs[k]["piece_a"]], pieces[pairs[k]["piece_b"]]
         if pairs[k]["curved"] != 1 or not (is_round(one) or is_round(two)):
             continue
-        if pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k:
+        if (pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k) or _shares_load(pairs, count, k):
             continue
         load = path_load = margin = path_margin = 0.0
         row = k
@@ -189,6 +190,17 @@ def first_change(pieces, pairs, count, sought):
             # it slides in both laws: over a shorter time it may stick at first
             first = min(first, ONSET_SOUGHT)
     return first
+
+
+@kernel
+def _shares_load(pairs, count, k):
+    """Whether another contact than that of row k is in its island."""
+    island, manifold = pairs[k]["island"], pairs[k]["manifold"]
+    for other in range(count):
+        apart = other != k and (manifold < 0 or pairs[other]["manifold"] != manifold)
+        if apart and pairs[other]["island"] == island:
+            return True
+    return False
 
 
 @inlined_kernel
