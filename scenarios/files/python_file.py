@@ -31,6 +31,7 @@ answer(*request)
 """Program of the process: the request comes over its standard input."""
 ANSWER, CRASH = "scenes", "crash"
 """Files that the process writes: its answer, and where native code was called that ended it."""
+UNSENT = "a scene cannot be sent to another process"
 FRAME = re.compile(r'File "(.+)", line (\d+)')
 
 
@@ -41,7 +42,10 @@ def scenes_of_python(path: Path) -> Scenes:
         request = pickle.dumps((sys.path, path, HOLD_LAST.get(), folder))
         code = subprocess.run([sys.executable, "-c", CHILD], input=request, stdout=2).returncode
         if (written := Path(folder, ANSWER)).exists():
-            found: Scenes = pickle.loads(written.read_bytes())
+            try:
+                found: Scenes = pickle.loads(written.read_bytes())
+            except Exception as error:  # of a class that only the file knows
+                return {}, [f"{path}: {UNSENT}: {error}"]
             return found
         crash = Path(folder, CRASH)
         lines = FRAME.findall(crash.read_text("utf-8", "replace")) if crash.exists() else []
@@ -60,7 +64,7 @@ def answer(path: Path, hold_last: bool, folder: str) -> None:
         try:
             text = pickle.dumps((found, broken))
         except Exception as error:  # engines play in processes of their own, too
-            text = pickle.dumps(({}, [f"{path}: a scene cannot be sent to another process: {error}"]))
+            text = pickle.dumps(({}, [f"{path}: {UNSENT}: {error}"]))
         Path(folder, ANSWER).write_bytes(text)
         with suppress(OSError, ValueError):  # closed by the file
             sys.stdout.flush()

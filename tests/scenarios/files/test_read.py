@@ -243,6 +243,23 @@ def test_a_python_file_ends_its_own_process_alone(tmp_path, code, end):
         scenes_of_file(path)
 
 
+def test_a_scene_of_a_class_of_its_own_file_is_refused(tmp_path):
+    """A class that only the file's process can import is named in one line."""
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "import dataclasses, sys, types\n"
+        "from touchstone.scenarios.catalogue import find, scene\n"
+        "from touchstone.scenarios.scenario import Scenario\n"
+        "class Mine(Scenario):\n    pass\n"
+        "sys.modules[__name__] = types.SimpleNamespace(Mine=Mine)\n"
+        "@scene\ndef mine():\n    fall = find('fall')\n"
+        "    fields = {f.name: getattr(fall, f.name) for f in dataclasses.fields(fall)}\n"
+        "    return Mine(**fields | {'name': 'mine'})\n"
+    )
+    with pytest.raises(SceneFileError, match="cannot be sent to another process: No module"):
+        scenes_of_file(path)
+
+
 def test_what_a_python_file_prints_is_no_result(tmp_path, capfd):
     """Standard output is for results: that of a scene file goes to standard error."""
     path = tmp_path / "mine.py"
