@@ -47,6 +47,7 @@ from touchstone.reference_impl.continuous.mechanism_motion import (
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs, may_touch
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
+    DETECTION_DISCRETE,
     DETECTION_FAST,
     DETECTION_SWEEP,
     DRIVEN,
@@ -412,7 +413,8 @@ def _advance(world, touching, returned, h):
     mark_pairs(bodies, world.pieces, pairs, touching)
     until, sought = _until_swing(bodies, joints, drivers, h, state["dt"]), (-1, -1)
     for _ in range(WAY_ATTEMPTS):
-        fast = state["detection"] == DETECTION_FAST and set_paths(bodies)
+        fast = state["detection"] != DETECTION_DISCRETE and set_paths(bodies)
+        fast = fast and state["detection"] == DETECTION_FAST
         if fast or state["detection"] == DETECTION_SWEEP:
             end = find_swept_pairs(world, SIMULATED, touching)
         else:

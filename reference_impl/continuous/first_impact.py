@@ -65,9 +65,10 @@ def earliest_impact(world, touching, end, until, fast, sought):
         marked = is_marked(bodies, pieces, pairs, pair)
         if fast:
             sweeps = is_fast_pair(bodies, pieces, pair, 1.0)
-        # what a driver carries, and curved contacts, agree at the end of a substep, not within
+        # what a driver carries, and curved contacts, agree at the end of a substep, not within; what moves
+        # farther than its width may be on the other side there
         agrees = _agrees_at_end(a, world.drivers) or _agrees_at_end(b, world.drivers)
-        swept = sweeps and not (marked and agrees)
+        swept = sweeps and not (marked and agrees and not is_fast_pair(bodies, pieces, pair, 1.0))
         if (fast or sweeps) and not swept:
             distance_at(moving, until)
         meets = pair["piece_a"] == sought[0] and pair["piece_b"] == sought[1]

@@ -151,6 +151,9 @@ SOLVED = {
         13000110,  # a limb on a stiff spring was 0.5 mm in the floor at its impact: 11 % more energy
         16000138,  # separation asked nothing of a side that was deeper beside its line than along it: 4.8 um
     ),
+    ("balanced", "cone"): (
+        19500018,  # a slender cone turned by 1.4 rad in a substep, and ended it on the other side of a body
+    ),
     ("balanced", "friction"): (
         995065,  # a ball at 112 m/s that grazed one body was 0.6 mm in it when it met another
         *(1200030, 1200087),  # moments under the loads of the step before stayed unsolved: 6e-3 m/s
