@@ -38,7 +38,7 @@ from touchstone.reference_impl.core.rotation import (
     times,
     vector_of,
 )
-from touchstone.reference_impl.geometry.convex_depth import convex_depth
+from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
 from touchstone.reference_impl.geometry.shapes import place_piece
 from touchstone.reference_impl.solver.islands import has_moment
 from touchstone.reference_impl.solver.mobility import point_velocity
@@ -138,20 +138,21 @@ def _nearest_pieces(world, a, b, pair, out_found):
     to which the contact may have moved: its normal is at least as near to that of the start, otherwise it is
     an obstacle. Returns whether they are known."""
     pieces, one, two, n = world.pieces, pair["piece_a"], pair["piece_b"], pair["start_normal"]
+    out_found["piece_a"], out_found["piece_b"] = one, two
     on_a = not is_moving(a)
     many = a if on_a else b
     if not is_moving(many) and many["piece_count"] > 1:
-        convex_depth(pieces[one], pieces[two], world.vertices, world.state, out_found)
+        pair_depth(pieces, world.vertices, world.state, out_found)
         least, along = out_found["distance"], dot(n, out_found["normal"])
         for k in range(many["first_piece"], many["first_piece"] + many["piece_count"]):
             p, q = (k, pair["piece_b"]) if on_a else (pair["piece_a"], k)
             if _may_touch(pieces[p], pieces[q]):
-                convex_depth(pieces[p], pieces[q], world.vertices, world.state, out_found)
+                out_found["piece_a"], out_found["piece_b"] = p, q
+                pair_depth(pieces, world.vertices, world.state, out_found)
                 if out_found["distance"] < least and dot(n, out_found["normal"]) >= along:
                     least, one, two = out_found["distance"], p, q
     out_found["piece_a"], out_found["piece_b"] = one, two
-    _, known = convex_depth(pieces[one], pieces[two], world.vertices, world.state, out_found)
-    return known
+    return pair_depth(pieces, world.vertices, world.state, out_found)
 
 
 @kernel
