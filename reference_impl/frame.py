@@ -47,7 +47,6 @@ from touchstone.reference_impl.continuous.mechanism_motion import (
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs, may_touch
 from touchstone.reference_impl.core.conventions import (
     DETECTION_DISCRETE,
-    DETECTION_DISCRETE,
     DETECTION_FAST,
     DETECTION_SWEEP,
     DRIVEN,

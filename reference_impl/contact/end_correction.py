@@ -21,7 +21,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
     is_moving,
     is_round,
 )
-from touchstone.reference_impl.continuous.contact_motion import END_ERROR, end_error
+from touchstone.reference_impl.continuous.contact_motion import end_error
 from touchstone.reference_impl.continuous.forced_rotation import mean_omega_curve
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
@@ -194,9 +194,9 @@ def _correct(a, b, pair, found, h, state, last):
     if p[0] == 0 and p[1] == 0 and p[2] == 0:
         error = max(0.0, -gap)
     elif pair["slides"] == 0 and _keeps_sliding(pair, ux, uy, uz) and not last:
-        pair["slides"], error = 1, max(error, 2 * END_ERROR)
+        pair["slides"], error = 1, max(error, 2 * end_error(h, state))
     loaded = pair["friction"] > 0 and (p[0] != 0 or p[1] != 0 or p[2] != 0)
-    if last or (error <= end_error(h) and not loaded):
+    if last or (error <= end_error(h, state) and not loaded):
         return error
     bias, followed = pair["bias"], pair["followed"]
     held, on_a, on_b = vector_of(middle), vector_of(pair["lever_a"]), vector_of(pair["lever_b"])
@@ -217,7 +217,7 @@ def _correct(a, b, pair, found, h, state, last):
     if loaded:
         x, y, z = plus((ux, uy, uz), -1.0, vector_of(bias))
         error = max(error, h * sqrt(x * x + y * y + z * z))
-        if error <= end_error(h):
+        if error <= end_error(h, state):
             # the impulses are those of the row as it was
             pair["followed"] = followed
             for i in range(3):

@@ -19,10 +19,10 @@ from math import sqrt
 from touchstone.reference_impl.contact.island_motion import is_free, keep_spin, rigid_energy, rigid_velocity
 from touchstone.reference_impl.contact.separation import kinetic_energy
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
-from touchstone.reference_impl.continuous.contact_motion import END_ERROR
 from touchstone.reference_impl.continuous.mechanism_motion import has_motor, spring_energy, take_velocities
 from touchstone.reference_impl.core.conventions import (
     ENERGY_ROUNDING,
+    GAP_LEFT,
     GUARD_SLOWED,
     GUARD_SUMMED,
     GUARD_UNVISITED,
@@ -312,6 +312,6 @@ def _slow_all(bodies, joints, drivers, b, island, state):
         if state["mechanisms"] == 1:
             # the law of positions lifts what has sunk by the error of a gap, in a substep of any length
             g = state["gravity"]
-            rounding += END_ERROR * island["mass"] * sqrt(dot(g, g))
+            rounding += GAP_LEFT / 10 * island["mass"] * sqrt(dot(g, g))
         if excess - loose > rounding:
             state["unpaid_energy"] += excess - loose

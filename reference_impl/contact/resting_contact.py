@@ -31,7 +31,6 @@ from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
 from touchstone.reference_impl.continuous.contact_motion import (
-    END_ERROR,
     bias_share,
     correct_faces,
     curved_share,
@@ -59,6 +58,7 @@ from touchstone.reference_impl.continuous.mechanism_dynamics import set_drifts
 from touchstone.reference_impl.continuous.mechanism_motion import follow_forces, note_forces
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
+    GAP_LEFT,
     NEVER,
     NO_FLOOR,
     SIMULATED,
@@ -94,7 +94,7 @@ SWING = 0.1
 their velocities and those that set their paths differ by its square, and so does the driver's work."""
 DRIVEN_ROUNDS = 3
 """Attempts at a substep with drivers after which the next ones halve it where a contact stops within."""
-GAP_ERROR = END_ERROR / 10
+GAP_ERROR = GAP_LEFT / 100
 """Error of a mechanism's gap that the law of positions leaves [m]: one that sticks in several places, or at
 its limits, may not mend it."""
 LAWS_RATIO = 2.0
@@ -201,7 +201,7 @@ def _correct_ends(world, count, h):
             set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
             error = correct_ends(world, count, h, last)
         followed = moved <= (LARGEST_ERROR if state["curved"] == 1 else 0.0)
-        if (error <= end_error(h) and followed) or last:
+        if (error <= end_error(h, world.state) and followed) or last:
             break
         if k == 0 and state["led_loop"] == 1:
             correct_faces(bodies, world.pieces, pairs, count, h, state)
@@ -297,7 +297,7 @@ def _solve_velocities(world, count, h):
             if state["led_loop"] == 1 and state["led"] == 1:
                 exact = min(exact, _swing_share(world, count, h))
             share, most = min(share, exact), min(most, exact * h)
-            if converged and starts_to_curve(pairs, count, h):
+            if converged and starts_to_curve(pairs, count, h, state):
                 start_again(world, count)
                 forget_grips(pairs, count)
                 continue
@@ -453,7 +453,7 @@ def _prepare_resting_contacts(world, count, h):
     for k in range(count):
         pair = pairs[k]
         turn = move_to_middle(bodies, world.pieces, pair, h)
-        if pair["curved"] == 1 and not is_curved(pair, h):
+        if pair["curved"] == 1 and not is_curved(pair, h, state):
             pair["curved"] = -1
         if pair["curved"] == 1:
             curved, turned = True, max(turned, turn)

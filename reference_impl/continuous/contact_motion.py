@@ -35,9 +35,9 @@ BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
 """Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and
 share of it that a shortened substep allows [1]."""
 
-END_ERROR, END_RATE = GAP_LEFT / 10, 3.6e-7
-"""Largest error of a gap at the end of a substep that is not corrected [m], and of a speed, per length of the
-substep [m/s2]: errors of many short substeps add up to no more than those of few long ones."""
+END_RATE, END_ROUNDING = 1.3e-3, 1e-15
+"""Error at the end of a substep, over the fourth power of its length, that is not corrected [m/s4]: such is
+that of the corrected law. And an error which is rounding [m]."""
 CURVED_PARTS = 64
 """Most substeps of a frame for the accuracy of curved contacts."""
 LARGEST_TURN = 0.5
@@ -125,23 +125,24 @@ def move_to_middle(bodies, pieces, pair, h):
 
 
 @kernel
-def end_error(h):
-    """Error at the end of a substep of length h [s] that is not corrected [m]."""
-    return min(END_ERROR, max(END_RATE * h * h, END_ERROR / 10000))
+def end_error(h, state):
+    """Error at the end of a substep of length h [s] that is not corrected [m]; under a coupling that of the
+    gap that its law leaves."""
+    return GAP_LEFT / 10 if state["led_loop"] == 1 else max(END_RATE * h**4, END_ROUNDING)
 
 
 @kernel
-def is_curved(pair, h):
+def is_curved(pair, h, state):
     """Whether a row's velocity changes by rotation within a substep of length h [s], at the velocities before
     it or those that an attempt led to."""
-    return h * max(change_of_velocity(pair, pair["bias"]), pair["late_bias"]) > end_error(h)
+    return h * max(change_of_velocity(pair, pair["bias"]), pair["late_bias"]) > end_error(h, state)
 
 
 @kernel
-def starts_to_curve(pairs, count, h):
+def starts_to_curve(pairs, count, h, state):
     """Whether rows that hardly turn at the velocities before a substep of length h [s] do at those after."""
     for k in range(count):
-        if pairs[k]["curved"] == -1 and h * pairs[k]["late_bias"] > end_error(h):
+        if pairs[k]["curved"] == -1 and h * pairs[k]["late_bias"] > end_error(h, state):
             return True
     return False
 
