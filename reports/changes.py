@@ -9,10 +9,10 @@ several runs, `touchstone run SCENES --out runs/K`, and
 
 What changed from one set of rows to another, beyond intervals, limits and tolerances.
 
-A row is worse if its verdict is, or if its value moved to the worse side by more than its tolerance while it
-has no limit or breaks it. Within a limit nothing is worse. Where both values have intervals, they must be
-apart. A value whose metric has no better side has changed. What the later run lacks is gone: a scene, an
-engine, a figure, or a column of other settings or another step.
+A row is worse if its verdict is, or if its value moved away from 0 by more than its tolerance while it has
+no limit or breaks it: signed metrics are errors, whose truth is 0. Within a limit nothing is worse. Where
+both values have intervals, they must be apart. A value whose metric has no better side has changed. What the
+later run lacks is gone: a scene, an engine, a figure, or a column of other settings or another step.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import COLUMNS, NUMBERS, UNJUDGED
 from touchstone.reports.runner.request import step_text
 from touchstone.reports.views.render import Part
+from touchstone.reports.views.tables import quantity, shown_unit
 from touchstone.scenarios.files.read import SceneFileError, data_of_file
 from touchstone.scenarios.plural import plural
 
@@ -326,9 +327,11 @@ def changes(
     for run in runs_b - runs_a:
         found.append(_one_sided(run, "new", ONE_SIDED))
     for run in runs_a - runs_b:
-        others = [other[3:5] for other in sorted(runs_b - runs_a) if _column(other) == _column(run)]
-        played = " and ".join(f"{profile} at {step_text(dt)} s" for profile, dt in others)
-        reason = f"the later run has {played} (--match profile compares them)" if others else ONE_SIDED
+        others = [other for other in sorted(runs_b - runs_a) if _column(other)[:3] == run[:3]]
+        same = [other for other in others if _column(other) == _column(run)]
+        hint = "--match profile compares them" if same else "one run of both compares them"
+        played = " and ".join(f"{profile} at {step_text(dt)} s" for *_, profile, dt, _, _ in same or others)
+        reason = f"the later run has {played} ({hint})" if others else ONE_SIDED
         found.append(_one_sided(run, "gone", reasons.get(_column(run), reason)))
     frame = pd.DataFrame(found, columns=[*SHOWN, "why", "limit"])
     order = {kind: k for k, kind in enumerate(KINDS)}
@@ -412,9 +415,9 @@ def _kind(row: dict[str, Any], allowed: tuple[Tolerance, ...]) -> tuple[str, str
         return "", "", ""
     if row["verdict_b"] == "pass":
         return "changed", VALUE, "within its limit"
-    worse = _sign(row["metric"]) * (b - a)
+    worse = abs(b) - abs(a) if _has_better_side(row["metric"]) else 0.0
     kind = "worse" if worse > 0 else "better" if worse < 0 else "changed"
-    return kind, VALUE, f"by {b - a:.3g}"
+    return kind, VALUE, " ".join(("by", *quantity(row["metric"], b - a, row["unit_b"]))).strip()
 
 
 def _overlap(row: dict[str, Any]) -> bool:
@@ -425,11 +428,11 @@ def _overlap(row: dict[str, Any]) -> bool:
     return bool(max(ends[0], ends[2]) <= min(ends[1], ends[3]))
 
 
-def _sign(metric: str) -> int:
-    """1 if lower is better, -1 if higher is, 0 if neither."""
+def _has_better_side(metric: str) -> bool:
+    """Whether a value nearer to 0 is better."""
     if metric in METRICS:
-        return {"lower": 1, "higher": -1, "none": 0}[METRICS[metric].better]
-    return 1 if metric.startswith("ratio.time") or metric.endswith(".spread") else 0
+        return METRICS[metric].better == "lower"
+    return metric.startswith("ratio.time") or metric.endswith(".spread")
 
 
 WIDEST = 90
@@ -439,17 +442,19 @@ WIDEST = 90
 def report(frame: pd.DataFrame) -> list[Part]:
     """Rows of `changes` by kind: scene, engine, metric, both values and the reason."""
     parts = []
-    for kind, rows in frame.groupby("kind", sort=False):
+    for kind, rows in frame.fillna({"unit": ""}).groupby("kind", sort=False):
         lines = [
             [
                 row["scenario"],
                 f"{row['engine']} {row['profile']}",
                 f"{row['metric']} {row['subject'] or ''}".strip(),
-                *("" if row[side] != row[side] else f"{row[side]:.4g}" for side in "ab"),
+                *("" if row[side] != row[side] else f"{row[side] * scale:.4g}" for side in "ab"),
+                unit,
                 str(row["reason"])[:WIDEST],
             ]
             for row in rows.to_dict("records")
+            for unit, scale in [shown_unit(row["metric"], row["unit"])]
         ]
-        heads = ("scene", "engine", "metric", "A", "B", "remark")
-        parts.append(Part(f"{kind}: {len(rows)}", heads, lines, words=3, last=1))
+        heads = ("scene", "engine", "metric", "A", "B", "unit", "remark")
+        parts.append(Part(f"{kind}: {len(rows)}", heads, lines, words=3, last=2))
     return parts

@@ -55,6 +55,7 @@ from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.files.safe_paths import fault_line, json_of
 from touchstone.scenarios.scenario import Scenario
 
+BETTER = "`lower`: nearer to 0 is better; a signed metric is an error, whose truth is 0."
 NOTICE = "<!-- written by `touchstone docs`; do not edit -->"
 
 
@@ -83,7 +84,7 @@ def list_pages(pictures: Mapping[str, str]) -> dict[str, str]:
     """Pages of the lists, by file name; `pictures` gives the still of a scene, relative to its page."""
     return {
         "scenes.md": _scenes(pictures),
-        "metrics.md": _page("Metrics", table_text(metric_rows(), code=("metric",))),
+        "metrics.md": _page("Metrics", BETTER, table_text(metric_rows(), code=("metric",))),
         "profiles.md": _page("Profiles and steps", table_text(profile_rows(), code=("profile",))),
         "settings.md": _page(
             "Settings of the reference", table_text(setting_rows(), code=("setting", "values"))

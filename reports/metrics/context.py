@@ -98,12 +98,13 @@ def judging() -> Iterator[None]:
 @dataclass(frozen=True, slots=True)
 class Metric:
     """A row of the METRICS table. `label` is its name for readers of pages;
-    `shown` is the unit in tables, and how many of it make one `unit`."""
+    `shown` is the unit in tables, and how many of it make one `unit`. `better` is `lower` where a value
+    nearer to 0 is: a signed one is an error, whose truth is 0."""
 
     name: str
     label: str
     unit: str
-    better: Literal["lower", "higher", "none"]
+    better: Literal["lower", "none"]
     measure: Callable[[Context], Values]
     shown: tuple[str, float] | None = None
 

@@ -128,9 +128,15 @@ def cell_of(row: Row) -> TableCell:
 
 def quantity(metric: str, value: float, unit: str = "") -> tuple[str, str]:
     """A value and its unit as readers see them: in the metric's shown unit, else in `unit` [SI]."""
+    name, scale = shown_unit(metric, unit)
+    return exact_number(value * scale), name
+
+
+def shown_unit(metric: str, unit: str = "") -> tuple[str, float]:
+    """A unit as readers see it, and how many of it make one of the metric's: its shown unit, else `unit`."""
     name, scale = in_tables(metric)
     name = name if metric in METRICS else unit
-    return exact_number(value * scale), {"1": "", "us": "µs"}.get(name, name)
+    return {"1": "", "us": "µs"}.get(name, name), scale
 
 
 def scaled_number(metric: str, value: float) -> str:

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from touchstone.reports.changes import (
+    FIGURES,
     KINDS,
     MARGIN,
     RunError,
@@ -14,11 +15,13 @@ from touchstone.reports.changes import (
     default,
     differences,
     label_of,
+    report,
     table_of,
     tolerance_of,
     tolerances,
     toml_of,
 )
+from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row, save, table
 from touchstone.scenarios.files.read import SceneFileError
 
@@ -64,6 +67,21 @@ def test_a_row_changes(a, b, kind):
     assert kinds([a], [b]) == ([kind] if kind else [])
 
 
+@pytest.mark.parametrize(
+    ("a", "b", "kind"),
+    [
+        *((0.0, -0.5, "worse"), (-0.4, -0.5, "worse"), (0.4, 0.5, "worse"), (-0.4, 0.5, "worse")),
+        *((-0.5, 0.0, "better"), (0.5, -0.4, "better"), (0.5, -0.5, "changed")),
+    ],
+)
+def test_a_figure_is_worse_farther_from_its_truth(a, b, kind):
+    """Every metric with a better side is worse where it moves away from 0, whatever its sign."""
+    one, two = (table([row(metric, value) for metric in METRICS]) for value in (a, b))
+    found = changes(one, two, (FIGURES,)).set_index("metric").kind
+    sided = {name: METRICS[name].better == "lower" for name in METRICS}
+    assert found.to_dict() == {name: kind if sided[name] else "changed" for name in METRICS}
+
+
 def test_rows_of_one_run_only():
     """A row that is new fails only if it fails; another engine's run is one row."""
     other = [row(), row("overlap.p95")]
@@ -104,6 +122,25 @@ def test_columns_of_other_settings_match_on_request():
     assert changes(table(a), table(b), default(), by_profile=True).kind.tolist() == ["worse"]
     with pytest.raises(RunError, match="several columns of fall on mujoco recommended"):
         changes(table(a), table([*a, other]), default(), by_profile=True)
+
+
+def test_columns_of_another_profile_are_told():
+    """Where the later run has the engine in another profile, what is gone says how to compare the two."""
+    other = replace(row(), profile="default")
+    found = changes(table([row()]), table([other]), default())
+    assert found.kind.tolist() == ["gone", "new"]
+    assert found.reason[0] == "the later run has default at 1/540 s (one run of both compares them)"
+
+
+def test_a_report_has_the_units_of_a_run():
+    """Values and their difference are in the unit in which a run prints the metric."""
+    frame = changes(
+        table([row(value=0.008)]), table([row(value=0.019), row("run", verdict="fail")]), default()
+    )
+    parts = report(frame)
+    assert parts[0].heads[3:] == ("A", "B", "unit", "remark")
+    assert parts[0].rows[0][3:] == ["8", "19", "mm", "by 11.0 mm"]
+    assert [line[5] for part in parts for line in part.rows if "run" in line[2]] == [""]
 
 
 def test_a_file_of_tolerances(tmp_path):

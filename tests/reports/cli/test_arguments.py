@@ -301,7 +301,7 @@ def test_quiet_prints_what_decides_the_exit_code(touchstone, runs):
     """`compare --quiet` names what is worse on standard error, and nothing where all is well."""
     code, out, err = touchstone("compare a b --quiet")
     assert (code, out) == (1, "")
-    assert err == "worse: fall mujoco recommended truth.position: by 1\n"
+    assert err == "worse: fall mujoco recommended truth.position: by 1.00\n"
     assert touchstone("compare a a --quiet") == (0, "", "")
 
 
