@@ -27,6 +27,7 @@ from touchstone.adapters.engines.entry import (
 from touchstone.adapters.engines.plugin import declared, distribution_of, entry_declared, entry_of
 from touchstone.adapters.knobs import SettingError, Table
 from touchstone.adapters.workers.own_environment import OwnEnvironment
+from touchstone.scenarios.names import unknown
 
 __all__ = ["ACCURATE", "DEFAULT", "ENGINES", "MAXIMAL", "RECOMMENDED", "SLEEPING", "Entry"]
 
@@ -89,7 +90,7 @@ def registered(name: str) -> str:
     elif name in declared():
         ENGINES[name] = entry_declared(name, declared()[name])
     else:
-        raise AdapterError(f"unknown engine {name!r}; valid: {', '.join(available())}, or module:Class")
+        raise AdapterError(unknown("engine", name, (*available(), "module:Class")))
     return name
 
 
@@ -194,7 +195,7 @@ def changes_of(name: str, profile: str, texts: Iterable[str]) -> tuple[str, ...]
         key, equals, value = text.partition("=")
         engine, dot, own = key.partition(".")
         if dot and engine.strip() not in available():
-            raise SettingError(f"unknown engine {engine.strip()!r} (valid: {', '.join(available())})")
+            raise SettingError(unknown("engine", engine.strip(), available()))
         if not dot or engine.strip() == name:
             mine.append((own if dot else key) + equals + value)
         else:

@@ -14,14 +14,14 @@ from touchstone.adapters.contract import AdapterError
 from touchstone.adapters.engines.reference.compile_progress import announcement
 from touchstone.adapters.knobs import SettingError
 from touchstone.adapters.recorder import substeps
-from touchstone.adapters.registry import ENGINES, available, registered
+from touchstone.adapters.registry import ENGINES, registered
 from touchstone.adapters.workers.scratch import scratch_folder
-from touchstone.reports.names import checked
 from touchstone.reports.run.study import run as run_study
 from touchstone.reports.runner.request import DEFAULT_PROFILES, REFERENCE, Request, Results, columns_of
 from touchstone.reports.verdict.limits import check_limits
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.files.named import NoScene, scenes_named
+from touchstone.scenarios.files.named import scenes_called
+from touchstone.scenarios.names import checked
 from touchstone.scenarios.scenario import Scenario
 
 
@@ -49,9 +49,7 @@ def run(
         ValueError: an unknown name, or a step that does not divide the frame; the message names valid ones.
     """
     chosen = [scenes] if isinstance(scenes, (str, Path, Scenario)) else list(scenes)
-    scenarios = tuple(
-        scenario for one in chosen for scenario in ([one] if isinstance(one, Scenario) else _named(str(one)))
-    )
+    scenarios = tuple(scenario for one in chosen for scenario in scenes_called(one))
     check_limits(scenarios)
     if not scenarios or len({scenario.name for scenario in scenarios}) < len(scenarios):
         raise ValueError("scenes: expected one or more, each with a name of its own")
@@ -202,19 +200,10 @@ def _check_step(dt: float, scenarios: Iterable[Scenario]) -> None:
 
 def _registered(name: str) -> str:
     """Name of an engine, registered; raises ValueError if it is unknown or cannot be loaded."""
-    if ":" not in name:
-        checked("engine", name, available())
     try:
         return registered(name)
     except AdapterError as error:
         raise ValueError(str(error)) from error
-
-
-def _named(name: str) -> list[Scenario]:
-    try:
-        return scenes_named([name])
-    except NoScene:
-        return [catalogue()[checked("scene", name, catalogue())]]
 
 
 def _several(names: str | Iterable[str] | None) -> list[str]:

@@ -128,14 +128,13 @@ def _is_ours(metafunc: pytest.Metafunc, fixture: str) -> bool:
 @pytest.fixture(scope="session")
 def scenario(request: pytest.FixtureRequest) -> Scenario:
     """The scene of the test's marker `scenario`."""
-    from touchstone.reports.names import checked
-    from touchstone.scenarios.catalogue import catalogue
+    from touchstone.reports.assertions.player import scene_of
 
     given = getattr(request, "param", None)
     if given is None:
         pytest.fail('the fixture `scenario` needs a scene: @pytest.mark.scenario("slide")', pytrace=False)
     try:
-        return catalogue()[checked("scene", given, catalogue())]
+        return scene_of(given)
     except ValueError as error:
         said = str(error)
     pytest.fail(said, pytrace=False)
@@ -200,6 +199,6 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
         inner = (SUITE.parent, Path(pytest.__file__).parents[1] / "_pytest", Path(pluggy.__file__).parent)
         frames = [f for f in call.excinfo.traceback if Path(str(f.path)).parent not in inner]
         at = frames[-1] if frames else None
-        line = f"{at.path}:{at.lineno + 1}: {str(at.statement).strip()}\n" if at is not None else ""
-        report.longrepr = f"{line}{call.excinfo.value}"
+        line = f"\n{at.path}:{at.lineno + 1}: {str(at.statement).strip()}" if at is not None else ""
+        report.longrepr = f"{call.excinfo.value}{line}"  # pytest's summary has the first line
     return report

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite, isnan
+from numbers import Real
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from touchstone.adapters.recording import Recording, scene_of_text
 from touchstone.adapters.registry import asked_as
 from touchstone.reports.assertions.arrays import ARRAYS
 from touchstone.reports.assertions.outcome import Finding, InvariantError, Place, settled
+from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.contacts.contact import BOUNCE_SPEED
 from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.context import Context, Value, Values
@@ -33,6 +35,7 @@ from touchstone.reports.runner.request import step_text
 from touchstone.reports.verdict.limits import limit_of
 from touchstone.reports.verdict.rows import measured_of
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.named import argument_of
 from touchstone.scenarios.scenario import UNMOVED, Scenario
 
 Locate = Callable[[Context, Values], Place]
@@ -212,8 +215,12 @@ def assert_heading_independent(
 def check(
     invariant: str, run: Recording, scenario: Scenario | None = None, limit: float | None = None
 ) -> float:
-    """Measure and judge an invariant of INVARIANTS; returns the value or raises InvariantError."""
+    """Measure and judge an invariant of INVARIANTS; returns the value or raises InvariantError, or TypeError
+    where the limit is no number."""
     asked = INVARIANTS[invariant]
+    if not isinstance(limit, Real | None):
+        metric = METRICS[asked.metrics[0]]
+        raise TypeError(f"limit: found {limit!r}, expected a number, {metric.name} in [{metric.unit}]")
     context = context_of(run, scenario)
     _require(invariant, asked, context)
     findings = []
@@ -328,13 +335,14 @@ def _limit(context: Context, row: Row) -> tuple[float, str]:
 def _shown_by(context: Context, row: Row, place: Place) -> str:
     """The command or the expression that shows a value."""
     facts, scene = context.recording.facts, context.scenario.name
-    if facts["engine"] != ARRAYS and scene in catalogue():
+    argument = argument_of(scene)
+    if facts["engine"] != ARRAYS and (scene in catalogue() or argument != scene):
         column = f"--engine {asked_as(facts['engine'])} --profile {facts['profile']}"
-        return f"touchstone run {scene} {column} --metric {row.metric}"
+        return f"touchstone run {argument} {column} --metric {row.metric}"
     if place.frame is None or not place.bodies:
         return ""
     indices = [context.scenario.body_index(name) for name in place.bodies]
-    return f"position[{place.frame}, {indices}]"
+    return f"the run's position[{place.frame}, {indices}]"
 
 
 ORDER_TOLERANCE = 1e-6

@@ -39,7 +39,7 @@ class Finding:
     def text(self) -> str:
         """What, by how much, which body, where in the run, and the line that shows it."""
         unit = f" {self.unit}" if self.unit != "1" else ""
-        lines = [f"{self.source}: {self.metric} is {self.value:.4g}{unit}, limit {self.limit:.4g}{unit}"]
+        lines = [f"{self.metric} is {self.value:.4g}{unit}, limit {self.limit:.4g}{unit}: {self.source}"]
         where = []
         if self.place.bodies:
             where.append(" and ".join(self.place.bodies))

@@ -18,9 +18,8 @@ from touchstone.adapters.recorder import scenario_json, substeps
 from touchstone.adapters.recording import Recording, RecordingError, load
 from touchstone.adapters.registry import installed, missing_reason, profiles_of, registered
 from touchstone.adapters.workers.children import Children, Job
-from touchstone.reports.names import checked
 from touchstone.reports.runner.content_hash import hash_of_run
-from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.named import scenes_called
 from touchstone.scenarios.scenario import Scenario
 
 LARGEST = 10**9
@@ -108,7 +107,7 @@ class Player:
 
     def play(
         self,
-        scene: str | Scenario,
+        scene: str | Path | Scenario,
         engine: str = ENGINE,
         profile: str = "",
         *,
@@ -119,7 +118,7 @@ class Player:
         """Recording of a scene on an engine, played once a session for equal arguments.
 
         Args:
-            scene: name in the catalogue, or a scenario.
+            scene: name in the catalogue, file of a scene (.toml, .json, .py), or a scenario.
             engine: name, or "module:Class".
             profile: "": that of `--touchstone-profile`, or the first of the engine.
             dt: native step [s]; None: that of the profile.
@@ -129,7 +128,7 @@ class Player:
         the engine fails.
         """
         try:
-            scenario = _scenario(scene)
+            scenario = scene_of(scene)
             name = registered(engine)
             settings = _settings(name, profile or self.profile, dt, effects, scenario)
         except (AdapterError, ValueError) as error:
@@ -172,9 +171,13 @@ class Player:
         self.cache.trim()
 
 
-def _scenario(scene: str | Scenario) -> Scenario:
-    """The scenario; raises ValueError for an unknown name."""
-    return scene if isinstance(scene, Scenario) else catalogue()[checked("scene", scene, catalogue())]
+def scene_of(scene: str | Path | Scenario) -> Scenario:
+    """The scenario of a name or a file; raises ValueError for an unknown name, an invalid file, or one with
+    several scenes."""
+    found = scenes_called(scene)
+    if len(found) > 1:
+        raise ValueError(f"{scene}: {len(found)} scenes; expected a file of one")
+    return found[0]
 
 
 def _settings(

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from touchstone.reports.names import checked
-
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -115,6 +113,8 @@ def output_to(path: Path | None) -> Iterator[None]:
 
 def known(kind: str, name: str, valid: Iterable[str]) -> str:
     """The name, if valid; else exit 2 with one line of the nearest valid names."""
+    from touchstone.scenarios.names import checked
+
     with refusing(ValueError):
         checked(kind, name, valid)
     return name
@@ -150,12 +150,10 @@ def columns_for(engines: Names, profiles: Names, default: Iterable[str] = ()) ->
 def engines_named(names: Iterable[str]) -> list[str]:
     """The engines, registered; an unknown one, or a plug-in that cannot be loaded, exits with one line."""
     from touchstone.adapters.contract import AdapterError
-    from touchstone.adapters.registry import available, registered
+    from touchstone.adapters.registry import registered
 
     found = []
     for name in dict.fromkeys(names):
-        if ":" not in name:
-            known("engine", name, (*available(), "module:Class"))
         with refusing(AdapterError):
             found.append(registered(name))
     return list(dict.fromkeys(found))

@@ -66,13 +66,16 @@ def _tell(lines: Iterable[str]) -> None:
 
 
 def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
-    """One line per tracker that holds its last valid sample, per path that leaves its keyframes, and per
-    scene in which bodies overlap at the start."""
+    """One line per tracker that holds its last valid sample, per path that leaves its keyframes, per scene
+    in which bodies overlap at the start, and per file whose scene has the name of one of the catalogue."""
     from touchstone.reports.metrics.context import judge_faults
     from touchstone.scenarios.avatar.tracking import swings
+    from touchstone.scenarios.files.named import hidden_by_catalogue
 
     measures = not judge_faults()
     for scenario in scenarios:
+        if file := hidden_by_catalogue(scenario.name):
+            yield f"{file}: {scenario.name!r} without its ending is a scene of the catalogue, not this one"
         if measures and (pairs := _overlaps(scenario)):
             a, b, depth = pairs[0]
             more = f", and {len(pairs) - 1} other pairs overlap" if len(pairs) > 1 else ""

@@ -21,6 +21,7 @@ from touchstone.reports.results import Row
 from touchstone.reports.verdict.limits import Limit, valid_metrics
 from touchstone.reports.verdict.rows import warning
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.named import argument_of
 from touchstone.scenarios.scenario import Scenario, ShortRepr
 
 NUMBERS_OF_A_BODY = 13
@@ -200,11 +201,11 @@ def reproduce(*rows: Row) -> str:
     `ENGINE==VERSION` that version."""
     first = rows[0]
     if first.study.startswith(BENCH):
-        return f"touchstone {first.study} {first.scenario}"
+        return f"touchstone {first.study} {argument_of(first.scenario)}"
     engine, _, version = first.engine.partition("==")
     sides = list(dict.fromkeys(side for row in rows for side in _sides(row)))
     engines = dict.fromkeys(name for name, _ in sides if name != EVERY_ENGINE)
-    words = ["touchstone run", first.scenario, *(f"--engine {name}" for name in engines)]
+    words = ["touchstone run", argument_of(first.scenario), *(f"--engine {name}" for name in engines)]
     words += dict.fromkeys(f"--profile {label.split(', ')[0]}" for _, label in sides)
     if version:
         words[0], words[2] = "touchstone versions", f"--engine {engine}"
@@ -227,7 +228,7 @@ def script_command(row: Row) -> str:
     profile, *changes = row.profile.split(", ")
     if any(change.partition("=")[0] in OPTIONS for change in changes):
         return ""
-    words = ["touchstone reproduce", row.scenario, f"--engine {row.engine} --profile {profile}"]
+    words = ["touchstone reproduce", argument_of(row.scenario), f"--engine {row.engine} --profile {profile}"]
     words += [f"--set {change}" for change in changes]
     words += [f"--dt {step_text(row.dt)}"] if _is_changed_step(row) else []
     return " ".join(words)

@@ -36,6 +36,7 @@ from touchstone.reports.views.tables import (
     number,
 )
 from touchstone.reports.views.terminal import grid_part, ratio_part, remark_lines
+from touchstone.scenarios.files.named import argument_of
 from touchstone.scenarios.plural import plural
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def report(request: Request, results: Results) -> str:
         remarks = Part("remarks", lines=remark_lines(scene) or ["none"])
         for part in (_asked(scene, scenario), ratio_part(scene), _budget(scene), _spreads(scene), remarks):
             parts += markdown(part, 3)
-        parts += ["", f"Reproduce: `touchstone run {scenario.name}`"]
+        parts += ["", f"Reproduce: `touchstone run {argument_of(scenario.name)}`"]
     budget = budget_part(results.recordings)
     parts += markdown(budget) if budget.rows else []
     return "\n".join(parts).rstrip() + "\n"

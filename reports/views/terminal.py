@@ -43,6 +43,7 @@ from touchstone.reports.views.tables import (
     quantity,
     unit_of,
 )
+from touchstone.scenarios.files.named import argument_of
 from touchstone.scenarios.plural import plural
 
 NOT_MET = ("known", "fail", "error")
@@ -372,7 +373,7 @@ def first_screen(frame: pd.DataFrame, folder: Path) -> list[Part]:
     scenes = by_scene(rows)
     columns = list(columns_of(row for row in rows if not row.metric.startswith("ratio.")))
     found = {name: entries(mine, columns) for name, mine in scenes.items()}
-    some = next(iter(scenes), "SCENE")
+    some = argument_of(next(iter(scenes), "SCENE"))
     tables = f"a scene's table: touchstone run {some}; all tables: --details"
     return [
         _matrix(found, columns),

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from touchstone.scenarios.catalogue import all_names, find
+from touchstone.scenarios.catalogue import all_names, catalogue, find
 from touchstone.scenarios.files.python_file import scenes_of_python
 from touchstone.scenarios.files.read import SceneFileError, read_scene
 from touchstone.scenarios.files.safe_paths import regular
+from touchstone.scenarios.names import unknown
 from touchstone.scenarios.scenario import HOLD_LAST, Scenario
 
 SUFFIXES = (".toml", ".json", ".py")
 """Endings of scene files."""
+_FILES: dict[str, str] = {}
+"""The file of each scene that this process has read from one, as it was named."""
 
 
 class NoScene(ValueError):
@@ -49,7 +53,30 @@ def scenes_named(names: Iterable[str], hold_last: bool = False, allow_paths: boo
             if scenario.name in found:
                 raise SceneFileError(f"{name}: two scenes of this run are called {scenario.name!r}")
             found[scenario.name] = scenario
+            _FILES.pop(scenario.name, None)
+            if path is not None:
+                _FILES[scenario.name] = f"{path}"
     return list(found.values())
+
+
+def scenes_called(scene: str | Path | Scenario) -> list[Scenario]:
+    """Scenes of one name or path; raises ValueError, for an unknown name with the nearest valid ones."""
+    if isinstance(scene, Scenario):
+        return [scene]
+    try:
+        return scenes_named([f"{scene}"])
+    except NoScene as error:
+        raise ValueError(unknown("scene", error.name, catalogue())) from None
+
+
+def hidden_by_catalogue(scenario: str) -> str:
+    """The file of a scene whose name alone stands for another one, of the catalogue; "" for others."""
+    return _FILES.get(scenario, "") if scenario in all_names() else ""
+
+
+def argument_of(scenario: str) -> str:
+    """What names a scene on a command line: its file, where this process has read it from one."""
+    return shlex.quote(_FILES.get(scenario, scenario))
 
 
 def path_of(name: str) -> Path | None:

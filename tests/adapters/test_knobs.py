@@ -146,7 +146,7 @@ def test_an_engine_takes_its_own_changes():
     assert changes_of("bullet", "recommended", texts) == ()
     with pytest.raises(SettingError, match="bullet: unknown setting 'solver'"):
         changes_of("bullet", "recommended", ("solver=CG",))
-    with pytest.raises(SettingError, match=r"unknown engine 'mujco' .valid: reference, dart"):
+    with pytest.raises(SettingError, match=r"unknown engine 'mujco'; did you mean 'mujoco'"):
         changes_of("bullet", "recommended", ("mujco.solver=CG",))
 
 

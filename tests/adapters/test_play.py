@@ -54,7 +54,10 @@ def test_every_engine_has_its_entry(lab, fakes):
 def test_unknown_names_are_refused(lab):
     """Refuse engines and profiles that do not exist with those that do, before anything is played."""
     scenario = lab.scene(lab.ball())
-    with pytest.raises(AdapterError, match=r"unknown engine 'bulet'; valid: reference, dart, bullet, mujoco"):
+    with pytest.raises(
+        AdapterError,
+        match=r"unknown engine 'bulet'; did you mean 'bullet'",
+    ):
         play(scenario, ("bulet",))
     with pytest.raises(AdapterError, match=r"reference: no profile 'maximal'; valid: balanced, paper"):
         play(scenario, (("reference", "maximal"),))

@@ -159,7 +159,7 @@ def test_the_failure_names_the_command_that_shows_it(registry):
     shown = "shown by: touchstone run collide_sticks --engine reference --profile balanced --metric"
     with pytest.raises(ts.InvariantError, match=shown):
         ts.assert_momentum_kept(unkept(registry))
-    with pytest.raises(ts.InvariantError, match=r"shown by: position\[40, \[0, 1\]\]"):
+    with pytest.raises(ts.InvariantError, match=r"shown by: the run's position\[40, \[0, 1\]\]"):
         ts.assert_no_overlap(overlapping(None))
 
 
@@ -202,6 +202,8 @@ def test_a_limit_of_ones_own_replaces_that_of_the_table():
     assert ts.assert_no_overlap(run, limit=4e-3) == pytest.approx(3e-3)
     with pytest.raises(ts.InvariantError, match=re.compile("limit 0.002 m.*as given", re.DOTALL)):
         ts.assert_no_overlap(run, limit=2e-3)
+    with pytest.raises(TypeError, match=r"limit: found '5mm', expected a number, overlap.max in \[m\]"):
+        ts.assert_no_overlap(run, limit="5mm")
 
 
 def test_determinism_is_to_the_bit(registry):

@@ -17,11 +17,15 @@ import pytest
 import touchstone as ts
 from touchstone.reports.assertions.invariants import check
 from touchstone.reports.assertions.player import PlayCache
+from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.solids import ball, block, slab
 
 ROOT = Path(__file__).resolve().parents[3]
 TESTS = """
+import pathlib
+
 import pytest
 import touchstone as ts
 
@@ -55,6 +59,28 @@ def test_own_argument(engine):
 
 def test_unknown(play):
     play("bounce_e5", "toy_engine:ToyEngine")
+
+
+def test_misspelt_engine(play):
+    play("fall", "mujocco")
+
+
+@pytest.mark.scenario("mine.toml")
+def test_file(play, scenario):
+    run = play(pathlib.Path("mine.toml"), "toy_engine:ToyEngine")
+    assert play(scenario, "toy_engine:ToyEngine") is run
+    ts.assert_no_overlap(run, limit=1e-3)
+
+
+def test_several(play):
+    play("several.py")
+"""
+SEVERAL = """
+from touchstone.scenarios.catalogue import catalogue, scene
+
+@scene
+def two():
+    return catalogue()["fall"], catalogue()["slide"]
 """
 KEEPING = """
 import pytest
@@ -120,14 +146,20 @@ def session(tmp_path):
 def test_fixtures_markers_and_failures(session, tmp_path: Path):
     """Tests play each scene on each engine, skip what an engine refuses, and fail in readable words."""
     (tmp_path / "test_mine.py").write_text(TESTS)
+    (tmp_path / "mine.toml").write_text(scene_toml(catalogue()["bounce_e05"]))
+    (tmp_path / "several.py").write_text(SEVERAL)
     code, reported = session("--strict-markers", "--junit-xml=out.xml", "test_mine.py")
     assert code == 1
-    assert "3 failed, 3 passed, 1 skipped" in reported, reported
+    assert "6 failed, 3 passed, 1 skipped" in reported, reported
     assert "SKIPPED [1]" in reported
     assert "toy: 'box_0' is neither a ball nor a fixed box" in reported
-    assert "bounce_e05 (toy, default, step 1/240 s): overlap.max is 0.00" in reported
+    assert "m, limit 0.001 m: bounce_e05 (toy, default, step 1/240 s)" in reported
+    assert "FAILED test_mine.py::test_file[mine.toml] - overlap.max is 0.00" in reported  # the summary
+    assert "run mine.toml --engine toy_engine:ToyEngine --profile default --metric overlap.max" in reported
+    assert "unknown engine 'mujocco'; did you mean 'mujoco'" in reported
+    assert "several.py: 2 scenes; expected a file of one" in reported
     assert "where: floor and ball, in frame" in reported
-    assert "test_mine.py:15: ts.assert_no_overlap(play(scenario, engine), limit=1e-3)" in reported
+    assert "test_mine.py:17: ts.assert_no_overlap(play(scenario, engine), limit=1e-3)" in reported
     assert "faulty default on bounce_e05: RuntimeError: no licence (faulty_engine.py, line 7)" in reported
     assert "unknown scene 'bounce_e5'; did you mean 'bounce_e05'" in reported
     assert "Traceback" not in reported
@@ -181,7 +213,7 @@ def test_options_of_the_cache(session, tmp_path: Path, option):
     ("arguments", "said"),
     [
         (["--touchstone-tag", "prob"], "--touchstone-tag prob: unknown (valid: "),
-        (["--touchstone-engine", "mujco"], "unknown engine 'mujco'; valid: "),
+        (["--touchstone-engine", "mujco"], "unknown engine 'mujco'; did you mean 'mujoco'"),
         (["--touchstone-engine", "toy_engine:ToyEngin"], "has no 'ToyEngin'; did you mean 'ToyEngine'?"),
     ],
 )

@@ -74,7 +74,7 @@ WRONG = [
     ("run --dt 1/7", "--dt 1/7: dt = 0.142857 s does not divide the frame of 1/60 s"),
     ("run --set removel=eq1", "--set reference: unknown setting 'removel'; did you mean 'removal'"),
     ("run --set x", "--set reference: unknown setting 'x' (valid: v_rest, "),
-    ("run --set mujco.cone=elliptic", "--set unknown engine 'mujco' (valid: reference, dart, "),
+    ("run --set mujco.cone=elliptic", "--set unknown engine 'mujco'; did you mean 'mujoco'"),
     ("run --engine mujoco --set cne=elliptic", "--set mujoco: unknown setting 'cne'; did you mean 'cone'?"),
     (
         "run --engine reference --set removal=eq2",

@@ -51,6 +51,18 @@ def test_a_foreign_scene_has_no_limits_but_its_own(here, tmp_path):
     assert rows(out)["overlap.max", ""]["verdict"] == "pass"
 
 
+def test_commands_name_the_file_of_a_scene(here, tmp_path):
+    """A scene of a file is played again by its file, also where the catalogue has another of its name."""
+    path = tmp_path / "my scenes" / "fall.toml"
+    path.parent.mkdir()
+    path.write_text(scene_toml(replace(catalogue()["fall"], duration=0.1, expectations=())))
+    _, out, err = here(f"run 'my scenes/fall.toml' {REFERENCE} --metric overlap.max --out a")
+    assert "'fall' without its ending is a scene of the catalogue, not this one" in err
+    report = (tmp_path / "a" / "report.md").read_text()
+    assert "Reproduce: `touchstone run 'my scenes/fall.toml'`" in report
+    assert "run fall" not in out + report
+
+
 def test_a_file_adds_limits_and_replaces_ours(here, tmp_path):
     """`--limits` judges what had no limit, replaces ours where it covers a row, and removes by inf."""
     (tmp_path / "l.toml").write_text(

@@ -54,7 +54,7 @@ def test_settings_concern_the_engines_that_have_them():
         ("impratoi=3", "mujoco: unknown setting 'impratoi'; did you mean 'impratio'"),
         ("impratio=x", "mujoco: impratio: found 'x' .valid: 0.001 to"),
         ("impratio=", "mujoco: impratio: found '' .valid: 0.001 to"),
-        ("mujco.impratio=1", "unknown engine 'mujco' .valid: reference, dart, "),
+        ("mujco.impratio=1", "unknown engine 'mujco'; did you mean 'mujoco'"),
     ],
 )
 def test_what_no_engine_has_is_refused(text, said):

@@ -12,14 +12,20 @@ LISTS = {"scenario": "scenarios", "scene": "scenarios", "metric": "metrics"}
 
 
 def checked(kind: str, name: str, valid: Iterable[str]) -> str:
-    """The name, if valid; raises ValueError with the nearest valid names, and all of them or the command that
+    """The name, if valid; raises ValueError with the text of `unknown`."""
+    names = list(valid)
+    if name not in names:
+        raise ValueError(unknown(kind, name, names))
+    return name
+
+
+def unknown(kind: str, name: str, valid: Iterable[str]) -> str:
+    """What is said of a name that is not valid: the nearest valid ones, and all of them or the command that
     lists them."""
     names = list(valid)
-    if name in names:
-        return name
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
     hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-    valid = ", ".join(names)
+    listed = ", ".join(names)
     if kind in LISTS and len(names) > MOST_LISTED:
-        valid = f"{len(names)} names: touchstone list {LISTS[kind]}"
-    raise ValueError(f"unknown {kind} {name!r}{hint} (valid: {valid})")
+        listed = f"{len(names)} names: touchstone list {LISTS[kind]}"
+    return f"unknown {kind} {name!r}{hint} (valid: {listed})"
