@@ -138,6 +138,12 @@ def run(
     quiet: options.QuietOption = False,
 ) -> None:
     """Play scenes, of the catalogue or of files (.toml, .json, .py), and show where engines differ."""
+    if scenario and tag is not None:
+        options.stop(f"--tag {tag}: scenes are named too; give one of both")
+    named = scenarios_for(scenario or [], "gallery" if tag is None else tag, hold_last, allow_paths)
+    scenarios = _tracked(named, tracker, drive)
+    options.engines_named(engine or ())
+    # what plays takes longer to import than a wrong name to find
     from touchstone.adapters.contract import DRIVES
     from touchstone.reports.metrics.context import judge_faults
     from touchstone.reports.output_folder import OutputError
@@ -152,10 +158,6 @@ def run(
     )
     from touchstone.reports.views.terminal import SCENES_IN_FULL
 
-    if scenario and tag is not None:
-        options.stop(f"--tag {tag}: scenes are named too; give one of both")
-    named = scenarios_for(scenario or [], "gallery" if tag is None else tag, hold_last, allow_paths)
-    scenarios = _tracked(named, tracker, drive)
     if install:
         install_environments(engine or [])
     columns = options.columns_for(engine, profile, DEFAULT_PROFILES)

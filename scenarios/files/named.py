@@ -46,7 +46,10 @@ def scenes_named(names: Iterable[str], hold_last: bool = False, allow_paths: boo
         elif name in all_names(hold_last):
             several = [find(name, hold_last)]
         elif Path(name).is_file():
-            raise SceneFileError(f"{name}: expected a scene file that ends in {', '.join(SUFFIXES)}")
+            endings = ", ".join(SUFFIXES)
+            raise SceneFileError(
+                f"{name}: expected a scene file that ends in {endings}; touchstone import makes one of a robot's"
+            )
         else:
             raise NoScene(name)
         for scenario in several:
