@@ -2,7 +2,8 @@
 
 It needs no truth. Where a scene amplifies perturbations, columns are compared up to its horizon: the last
 moment at which a run whose bodies start PERTURBATION away is within HORIZON_DISTANCE of the unperturbed one.
-Driven bodies count as one, by the link that is farthest apart; fixed and prescribed bodies do not count.
+Driven bodies count as one, by the link that is farthest apart; fixed and prescribed bodies do not count, nor
+does BARE, the paper's pipeline without our guarantees, where two other columns played.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ from touchstone.scenarios.transforms import perturbed
 
 Column = tuple[str, str]
 Pair = tuple[Column, Column]
+BARE = "paper"
+"""Profile that is compared only where fewer than two others played."""
 THRESHOLD = 1e-3
 """Distance from which on columns count as apart [m]: the error of a position that most users accept."""
 
@@ -51,16 +54,18 @@ def apart_rows(
         horizon: measures the horizon of the scene [s], NaN if it cannot; called where columns are apart and
             not every body has a closed form.
     """
+    others = {column: one for column, one in played.items() if column[1].partition(", ")[0] != BARE}
+    played = others if len(others) > 1 else played
     groups = _groups(scenario, next(iter(played.values()), None))
     if len(played) < 2 or not groups:
         return []
     distances = _distances(played, groups)
     until, rows = inf, []
+    size, limit = f"{1e6 * PERTURBATION:g} um", length_text(HORIZON_DISTANCE)
     if max(map(np.nanmax, distances.values())) > THRESHOLD and closed_path(scenario) is None:
         until = horizon()
     base = Row(STUDY, scenario.name, EVERY_ENGINE, MACHINE_PROFILE, nan, HORIZON, until, "s")
     if np.isfinite(until):
-        size, limit = f"{1e6 * PERTURBATION:g} um", length_text(HORIZON_DISTANCE)
         rows.append(replace(base, reason=f"until {size} at the start have grown to {limit}"))
     else:
         until = inf
@@ -69,7 +74,9 @@ def apart_rows(
         found = {pair: d[: last + 1, k] for pair, d in distances.items()}
         value, text = _farthest(found, scenario.frame_rate)
         if last < scenario.frame_count:
-            text += f"; until {last / scenario.frame_rate:.3g} s, the horizon of the scene"
+            later = length_text(max(np.nanmax(d[last + 1 :, k], initial=0.0) for d in distances.values()))
+            text += f"; until {last / scenario.frame_rate:.3g} s, when {size} at the start are {limit}"
+            text += f" (the horizon); {later} later"
         rows.append(replace(base, metric=SPREAD, value=value, unit="m", subject=subject, reason=text))
     return rows
 

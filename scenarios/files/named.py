@@ -46,10 +46,8 @@ def scenes_named(names: Iterable[str], hold_last: bool = False, allow_paths: boo
         elif name in all_names(hold_last):
             several = [find(name, hold_last)]
         elif Path(name).is_file():
-            endings = ", ".join(SUFFIXES)
-            raise SceneFileError(
-                f"{name}: expected a scene file that ends in {endings}; touchstone import makes one of a robot's"
-            )
+            said = f"{name}: expected a scene file that ends in {', '.join(SUFFIXES)}"
+            raise SceneFileError(f"{said}; touchstone import makes one of a robot's")
         else:
             raise NoScene(name)
         for scenario in several:

@@ -125,7 +125,7 @@ def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
         ("run fal", "unknown scenario 'fal'; did you mean 'fall'"),
         (
             "run fall.txt",
-            "fall.txt: expected a scene file that ends in .toml, .json, .py; touchstone import makes one",
+            "expected a scene file that ends in .toml, .json, .py; touchstone import makes one",
         ),
         ("run fall fall.json", "fall.json: two scenes of this run are called 'fall'"),
         ("show bad.json", "bad.json:2: duration: found 'x', expected a valid number"),

@@ -17,7 +17,8 @@ from touchstone.reports.run.farthest_apart import THRESHOLD, apart_rows, measure
 from touchstone.reports.views.tables import apart_table, headlines
 from touchstone.scenarios.catalogue import catalogue
 
-BALANCED, PAPER, MUJOCO = ("reference", "balanced"), ("reference", "paper"), ("mujoco", "recommended")
+BALANCED, ACCURATE, MUJOCO = ("reference", "balanced"), ("reference", "accurate"), ("mujoco", "recommended")
+PAPER = ("reference", "paper")
 
 
 @pytest.fixture
@@ -25,9 +26,9 @@ def apart(lab, recordings):
     """Rows of one ball of 30 frames whose columns follow given heights over the frames."""
     scenario = lab.scene(lab.ball(), duration=0.5)
 
-    def rows(horizon=lambda: np.nan, **heights):
+    def rows(horizon=lambda: np.nan, columns=(BALANCED, ACCURATE, MUJOCO), **heights):
         played = {}
-        for column, height in zip((BALANCED, PAPER, MUJOCO), heights.values()):
+        for column, height in zip(columns, heights.values()):
             still = recordings.recording(scenario)
             position = still.position.copy()
             position[: len(height), 0, 2] += height
@@ -43,10 +44,19 @@ def test_names_pair_moment_and_onset(apart):
     assert (row.engine, row.metric, row.subject, row.unit) == ("all", "position.spread", "ball", "m")
     assert row.value == pytest.approx(0.3)
     assert row.reason == (
-        "reference balanced and reference paper at 0.5 s; above 1 mm from 0.0167 s on; "
-        "400 um without reference paper"
+        "reference balanced and reference accurate at 0.5 s; above 1 mm from 0.0167 s on; "
+        "400 um without reference accurate"
     )
     assert headlines([row]) == [f"farthest apart: ball, 300 mm: {row.reason}"]
+
+
+def test_paper_counts_only_beside_one_other(apart):
+    """The pipeline that guarantees nothing does not lead the line of two others; beside one it does."""
+    heights = {"one": np.zeros(31), "two": np.full(31, 0.02), "paper": np.full(31, 3.0)}
+    (row,) = apart(columns=(BALANCED, MUJOCO, PAPER), **heights)
+    assert (row.value, "paper" in row.reason) == (pytest.approx(0.02), False)
+    (row,) = apart(columns=(BALANCED, PAPER), one=np.zeros(31), paper=np.full(31, 3.0))
+    assert (row.value, "reference paper" in row.reason) == (pytest.approx(3.0), True)
 
 
 def test_says_that_columns_stay_together(apart):
@@ -74,12 +84,12 @@ def test_equal_paths_are_no_distance(apart):
 
 
 def test_compares_up_to_the_horizon(apart):
-    """What columns do after the horizon does not count; the row says so, and another one has the horizon."""
+    """What columns do after the horizon is told but not counted; another row has the horizon."""
     late = np.where(np.arange(31) > 15, 5.0, 0.02)
     horizon, row = apart(lambda: 15 / 60, one=np.zeros(31), other=late)
     assert (horizon.metric, horizon.value, horizon.unit) == ("position.horizon", 0.25, "s")
     assert row.value == pytest.approx(0.02)
-    assert row.reason.endswith("; until 0.25 s, the horizon of the scene")
+    assert row.reason.endswith("; until 0.25 s, when 1 um at the start are 100 um (the horizon); 5 m later")
 
 
 def test_a_column_that_ends_early_is_compared_until_then(lab, recordings):
@@ -159,10 +169,12 @@ damping = 63.25
 
 @pytest.mark.engines
 def test_the_first_line_of_an_own_scene_names_the_farthest_body(touchstone, tmp_path):
-    """The paper's pipeline drops a cube by metres that the other columns hold; no limit judges it."""
+    """The paper's pipeline drops a cube by metres that `balanced` holds; no limit judges it."""
     pads = (PAD.replace("NAME", name).replace("SIGN", sign) for name, sign in (("left", "-"), ("right", "")))
     (tmp_path / "squeeze.toml").write_text(SQUEEZE + "".join(pads))
-    code, out, err = touchstone("run squeeze.toml --engine reference --engine mujoco --out run")
+    code, out, err = touchstone(
+        "run squeeze.toml --engine reference --profile balanced --profile paper --out run"
+    )
     assert code == 0, err
     first = out.splitlines()[0]
     assert first.startswith("farthest apart: cube, "), first
