@@ -108,12 +108,13 @@ class Line:
 
     @property
     def outlier_text(self) -> str:
-        """The outlier and by how much."""
+        """The outlier, by how much, and whether it is the one nearest to the truth."""
         name = self.outlier
         if self._timed:
             return f"{name} {number(exp(self._off(name)))} times"
         off = self._off(name)
-        return f"{name} {'+' * (off > 0)}{self.text(off)} {self.unit}".rstrip()
+        best = ", nearest to the truth" * (name in self.nearest)
+        return f"{name} {'+' * (off > 0)}{self.text(off)} {self.unit}".rstrip() + best
 
     def _off(self, engine: str) -> float:
         others = float(np.median([value for name, value in self.values.items() if name != engine]))
