@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,7 +28,7 @@ def nightly(
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.nightly.night import QUICK_PROFILES, measure, scenes, working_folder
     from touchstone.reports.nightly.store import Store, StoreError
-    from touchstone.reports.runner.request import DEFAULT_PROFILES, columns_of
+    from touchstone.reports.runner.request import DEFAULT_PROFILES, columns_of, limited
     from touchstone.scenarios.plural import plural
 
     columns = columns_of(ENGINES, QUICK_PROFILES if quick else DEFAULT_PROFILES)
@@ -36,10 +37,10 @@ def nightly(
     try:
         with Store(store).opened() as opened, working_folder(settings) as work:
             chosen = scenes(quick)
-            with options.progress_for(
-                sum(s.frame_count for s in chosen) * len(columns), quiet, by_scene=True
-            ) as progress:
-                measured = measure(chosen, columns, work, progress, opened.nights())
+            frames = sum(s.frame_count for s in chosen) * len(columns)
+            with options.progress_for(frames, quiet, by_scene=True) as progress:
+                told = limited(progress, frames, inf, "frames; hard cases and studies follow")
+                measured = measure(chosen, columns, work, told, opened.nights())
             before = opened.nights()
             night = opened.add(measured.frame, measured.identity)
             shutil.rmtree(work[0], ignore_errors=True)
@@ -78,14 +79,14 @@ def _publish(
     before = [one for one in nights if one is not night]
     new_hardware = all(one.identity.get("fingerprint") != fingerprint for one in before)
     baseline = _baseline(store, before, night)
-    findings = []
+    findings, kept = [], None
     if baseline is not None:
         kept = verdict.compared_with(store, before, baseline, measured.frame)
         findings += verdict.physics(measured.frame, kept)
     history = verdict.histories(store, nights, fingerprint)
     record = store.accepted()
     findings += verdict.timing(history, known_nights, int(record["sequence"]) if record else 0)
-    level, sentence = verdict.sentence(measured.frame, findings, baseline is not None, new_hardware)
+    level, sentence = verdict.sentence(measured.frame, findings, kept, new_hardware)
     folder = store.folder / "pages" / night.run
     folder.mkdir(parents=True, exist_ok=True)
     writers = {
@@ -137,6 +138,6 @@ def accept(
         nights = {night.run: night for night in opened.nights()}
         if not nights:
             options.stop(f"--store {store}: holds no night yet")
-        name = list(nights)[-1] if run == "last" else options.known("night", run, nights)
+        name = list(nights)[-1] if run == "last" else options.known("night", run, ("last", *nights))
         opened.accept(nights[name], reason)
     print(f"accepted {name}: {reason}")

@@ -376,13 +376,17 @@ FEW_NIGHTS = charts.LEAST_NIGHTS - 1
 
 
 def sentence(
-    frame: pd.DataFrame, findings: Sequence[Finding], compared: bool, new_hardware: bool = False
+    frame: pd.DataFrame, findings: Sequence[Finding], before: pd.DataFrame | None, new_hardware: bool = False
 ) -> tuple[str, str]:
-    """Level and verdict of a night in one sentence; a second one says that times have no history yet."""
+    """Level and verdict of a night in one sentence; others count the figures that `before`, the rows with
+    which it is compared, has not judged, and say that times have no history yet."""
     level, own = verdict_of(frame)
     counts = {kind: sum(one.kind == kind for one in findings) for kind in ORDER}
-    if not compared:
+    if before is None:
         return level, f"First night of these settings, nothing to compare with. {own}"
+    judged, known = (set(one[one.verdict != ""][KEYS].itertuples(index=False)) for one in (frame, before))
+    if new := len(judged - known):
+        own += f" {plural(new, 'figure')} judged for the first time: hard cases and studies take turns."
     own += " First night on this hardware: its times have nothing to compare with." if new_hardware else ""
     if counts[REGRESSION]:
         places = ", ".join(dict.fromkeys(one.engine for one in findings if one.kind == REGRESSION))
@@ -491,9 +495,7 @@ def write_page(
 def markdown(verdict: str, findings: Sequence[Finding], faults: Sequence[str]) -> str:
     """`report.md`: the verdict, the findings and faults of pages."""
     lines = [f"# {verdict}", ""]
-    lines += [f"- {line.replace('<', '&lt;')}" for line in (*listed(findings), *faults)] or [
-        "Nothing changed."
-    ]
+    lines += [f"- {line.replace('<', '&lt;')}" for line in (*listed(findings), *faults)] or ["No findings."]
     return "\n".join(lines) + "\n"
 
 

@@ -179,6 +179,7 @@ def test_a_regression_is_exit_1_until_it_is_accepted(program, tmp_path):
     code, _, err, _ = program("nightly --quick", frame={"overlap": 1.5e-3, "verdict": "known"})
     assert code == 1
     assert f"{place}: 1.00 -> 1.50 mm: a known failing began" in err
+    assert "did you mean 'last'?" in program("accept lasst --reason understood")[2]
     assert program("accept last --reason understood")[0] == 0
     code, out, err, _ = program("nightly --quick", frame=worse)
     assert code == 1

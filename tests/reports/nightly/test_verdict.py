@@ -205,7 +205,7 @@ def test_outputs_say_the_same(nights, tmp_path, monkeypatch):
         Finding(REGRESSION, "slip", "mujoco", "recommended", "overlap.max", EVIL, EVIL),
         Finding(WARNING, "a", "mujoco", "b", "time.frame.median", "", "slow"),
     ]
-    level, sentence = verdict.sentence(frame, findings, True)
+    level, sentence = verdict.sentence(frame, findings, frame)
     assert (level, sentence.startswith("1 confirmed regression (mujoco). 1 limit broken")) == ("bad", True)
     summary = tmp_path / "summary.md"
     summary.write_text("before\n")
@@ -229,10 +229,17 @@ def test_outputs_say_the_same(nights, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("compared", [True, False])
 def test_a_good_night_is_said_so(nights, compared):
-    """Without a finding the level is that of the limits; a first night says that it compares with nothing."""
-    level, sentence = verdict.sentence(nights.frame(), [], compared)
+    """Without a finding the level is that of the limits; a first night says that it compares with nothing, a
+    later one how many figures had no verdict before."""
+    frame = nights.frame()
+    level, sentence = verdict.sentence(frame, [], frame if compared else None)
     assert level == "good"
     assert sentence.startswith("No regression." if compared else "First night of these settings")
+    assert "for the first time" not in sentence
+    more = pd.concat([frame, nights.frame(scene="slip")], ignore_index=True)
+    judged = int((more.verdict != "").sum() - (frame.verdict != "").sum())
+    assert f"{judged} figure" in verdict.sentence(more, [], frame)[1]
+    assert "changed" not in verdict.markdown(sentence, [], [])
 
 
 def test_long_lists_are_counted():
