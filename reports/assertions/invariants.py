@@ -219,8 +219,8 @@ def check(
     where the limit is no number."""
     asked = INVARIANTS[invariant]
     if not isinstance(limit, Real | None):
-        metric = METRICS[asked.metrics[0]]
-        raise TypeError(f"limit: found {limit!r}, expected a number, {metric.name} in [{metric.unit}]")
+        first = METRICS[asked.metrics[0]]
+        raise TypeError(f"limit: found {limit!r}, expected a number, {first.name} in [{first.unit}]")
     context = context_of(run, scenario)
     _require(invariant, asked, context)
     findings = []
