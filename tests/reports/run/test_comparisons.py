@@ -84,7 +84,7 @@ def test_equal_paths_are_no_distance(apart):
 
 
 def test_compares_up_to_the_horizon(apart):
-    """What columns do after the horizon is told but not counted; another row has the horizon."""
+    """What columns do after the horizon does not count; the row says how much it is."""
     late = np.where(np.arange(31) > 15, 5.0, 0.02)
     horizon, row = apart(lambda: 15 / 60, one=np.zeros(31), other=late)
     assert (horizon.metric, horizon.value, horizon.unit) == ("position.horizon", 0.25, "s")
