@@ -74,8 +74,8 @@ def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
 
     measures = not judge_faults()
     for scenario in scenarios:
-        if file := hidden_by_catalogue(scenario.name):
-            yield f"{file}: {scenario.name!r} without its ending is a scene of the catalogue, not this one"
+        if file := hidden_by_catalogue(scenario):
+            yield f"{file}: {scenario.name!r} alone names another scene, of the catalogue"
         if measures and (pairs := _overlaps(scenario)):
             a, b, depth = pairs[0]
             more = f", and {len(pairs) - 1} other pairs overlap" if len(pairs) > 1 else ""

@@ -70,9 +70,10 @@ def scenes_called(scene: str | Path | Scenario) -> list[Scenario]:
         raise ValueError(unknown("scene", error.name, catalogue())) from None
 
 
-def hidden_by_catalogue(scenario: str) -> str:
+def hidden_by_catalogue(scenario: Scenario) -> str:
     """The file of a scene whose name alone stands for another one, of the catalogue; "" for others."""
-    return _FILES.get(scenario, "") if scenario in all_names() else ""
+    hidden = scenario.name in all_names() and find(scenario.name) != scenario
+    return _FILES.get(scenario.name, "") if hidden else ""
 
 
 def argument_of(scenario: str) -> str:

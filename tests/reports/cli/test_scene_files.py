@@ -57,7 +57,7 @@ def test_commands_name_the_file_of_a_scene(here, tmp_path):
     path.parent.mkdir()
     path.write_text(scene_toml(replace(catalogue()["fall"], duration=0.1, expectations=())))
     _, out, err = here(f"run 'my scenes/fall.toml' {REFERENCE} --metric overlap.max --out a")
-    assert "'fall' without its ending is a scene of the catalogue, not this one" in err
+    assert "fall.toml: 'fall' alone names another scene, of the catalogue" in err
     report = (tmp_path / "a" / "report.md").read_text()
     assert "Reproduce: `touchstone run 'my scenes/fall.toml'`" in report
     assert "run fall" not in out + report

@@ -142,12 +142,12 @@ def test_show_says_where_a_path_leaves_its_keyframes(touchstone, tmp_path):
 
 def test_bodies_that_overlap_at_the_start_are_named(touchstone, tmp_path):
     """The pair with its depth, the radius less 0.5692 m; bodies with a common joint may overlap."""
-    scene = scene_data(catalogue()["slider_crank"])
+    scene = scene_data(catalogue()["slider_crank"]) | {"name": "own_crank"}
     scene["bodies"][0]["pieces"][0]["shape"]["radius"] = 0.6
     (tmp_path / "crank.json").write_text(json.dumps(scene))
     assert touchstone("show slider_crank")[2] == ""
     code, _, err = touchstone("show crank.json")
-    assert (code, err) == (0, "slider_crank: crank and piston overlap by 0.0308 m at the start\n")
+    assert (code, err) == (0, "own_crank: crank and piston overlap by 0.0308 m at the start\n")
 
 
 def test_effects_that_a_person_lacks_cost_nothing():
