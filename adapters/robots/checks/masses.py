@@ -10,6 +10,7 @@ from touchstone.adapters.robots.checks.finding import Finding
 from touchstone.adapters.robots.checks.posture import Posture, colliding, name_of
 from touchstone.adapters.robots.links import MassProperties, body_mass, combined
 from touchstone.adapters.robots.pieces import TYPE
+from touchstone.adapters.robots.source import Source
 from touchstone.scenarios.avatar.kinematics import piece_box
 from touchstone.scenarios.files.mass_properties import uniform, volume
 from touchstone.scenarios.scenario import Piece
@@ -23,11 +24,14 @@ OUTSIDE = 0.1
 are often drawn and do not collide."""
 
 
-def masses(posture: Posture) -> Iterator[Finding]:
-    """Links whose mass, centre or inertia does not fit their shapes, in one posture."""
-    model = posture.model
-    for link in sorted(set(model.body_weldid.tolist()) - {0}):
-        own = [body for body in range(model.nbody) if model.body_weldid[body] == link]
+def masses(source: Source, posture: Posture) -> Iterator[Finding]:
+    """Links whose mass, centre or inertia does not fit their shapes, in one posture; roots, too, that the
+    model fixes to the world, unless they become fixed bodies: trees of MJCF without a joint."""
+    model = source.model
+    rigid = np.where(model.body_weldid == 0, model.body_rootid, model.body_weldid)
+    trees = model.body_rootid[model.jnt_bodyid] if source.form == "mjcf" else model.body_rootid
+    for link in sorted({*rigid[np.isin(model.body_rootid, trees)].tolist()} - {0}):
+        own = np.flatnonzero(rigid == link).tolist()
         geoms = [geom for geom in colliding(model) if model.geom_bodyid[geom] in own]
         pieces = tuple(posture.piece(geom) for geom in geoms if TYPE[int(model.geom_type[geom])] != "plane")
         whole = combined(
