@@ -141,6 +141,29 @@ def test_a_crash_and_a_hang_end_one_check(monkeypatch, tmp_path):
     assert reports[2].skipped == "the engine hung in the checks 'order' and 'bounce'"
 
 
+EMPTY = """
+class Empty:
+    name, profiles = "empty", {"default": 1 / 240}
+
+    def version(self):
+        return "1"
+
+    def build(self, scenario, settings):
+        return object()
+"""
+
+
+def test_a_world_without_methods_is_told_once(monkeypatch, tmp_path):
+    """The methods that it lacks are named in the first check; the others refer to it."""
+    (tmp_path / "empty_engine.py").write_text(EMPTY)
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    monkeypatch.setitem(ENGINES, "empty", Entry("empty_engine:Empty", "empty_engine", {"default": 1 / 240}))
+    first, *others = check("empty")
+    lacks = "drive, step, read, describe, cross, stage_seconds, work, close"
+    assert first.faults == (f"`build` returns object, which lacks {lacks}",)
+    assert [(one.faults, one.skipped) for one in others] == [((), "as in the check 'manifest'")] * len(others)
+
+
 def test_an_unknown_profile_is_refused():
     """The valid profiles are named."""
     with pytest.raises(AdapterError, match="reference: no profile 'best'; valid: balanced, paper, accurate"):
