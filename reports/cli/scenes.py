@@ -66,10 +66,11 @@ def _tell(lines: Iterable[str]) -> None:
 
 
 def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
-    """One line per tracker that holds its last valid sample, per path that leaves its keyframes, and per
-    scene in which bodies overlap at the start."""
+    """One line per tracker that holds its last valid sample, per path that leaves its keyframes, per scene in
+    which bodies overlap at the start, and per value of a scene without tags that no body has."""
     from touchstone.reports.metrics.context import judge_faults
     from touchstone.scenarios.avatar.tracking import swings
+    from touchstone.scenarios.plausibility import implausible
 
     measures = not judge_faults()
     for scenario in scenarios:
@@ -78,6 +79,8 @@ def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
             more = f", and {len(pairs) - 1} other pairs overlap" if len(pairs) > 1 else ""
             names = f"{scenario.bodies[a].name} and {scenario.bodies[b].name}"
             yield f"{scenario.name}: {names} overlap by {depth:.3g} m at the start{more}"
+        for line in implausible(scenario) if not scenario.tags else ():  # some of the catalogue go beyond
+            yield f"{scenario.name}: {line}"
         for i, tracker in enumerate(scenario.trackers):
             place = f"{scenario.name}: trackers[{i}]"
             if tracker.held:

@@ -13,10 +13,9 @@ from touchstone.adapters.robots.pieces import TYPE
 from touchstone.adapters.robots.source import Source
 from touchstone.scenarios.avatar.kinematics import piece_box
 from touchstone.scenarios.files.mass_properties import uniform, volume
+from touchstone.scenarios.plausibility import DENSITIES, UNITS
 from touchstone.scenarios.scenario import Piece
 
-DENSITIES = (10.0, 25_000.0)
-"""Densities that a link may have [kg/m^3]: light foam has 15, osmium 22,600."""
 MOMENTS = 5.0
 """Factor between a link's moments and those of a uniform solid of its shapes [1]: a thin shell has 1.7."""
 OUTSIDE = 0.1
@@ -55,7 +54,7 @@ def _link(name: str, whole: MassProperties, pieces: tuple[Piece, ...]) -> Iterat
             "inertia",
             name,
             f"{whole.mass:.3g} kg in its shapes are {density:.3g} kg/m^3",
-            "check the mass (kg, not g) and the scale of the shapes (m, not mm)",
+            UNITS,
         )
     boxes = np.array([piece_box(piece, np.zeros(3), np.eye(3)) for piece in pieces])
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)

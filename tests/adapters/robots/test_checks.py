@@ -140,7 +140,7 @@ def test_roots_that_the_model_fixes_have_a_mass_too(check):
     wheel = chassis.replace("chassis", "wheel").replace("3000", "30").replace('"25"', '"0.4"')
     found = check(f'<robot name="r">{chassis}{wheel}{joint}</robot>', "robot.urdf")
     assert [(one.verdict, one.subject) for one in found] == [(FAULT, "body 'chassis'")]
-    geom = '<geom name="{}" type="box" size="0.1 0.1 0.1" pos="-0.5 0 0" mass="1000"/>'
+    geom = '<geom type="box" size="0.1 0.1 0.1" pos="-0.5 0 0" mass="1000"/>'
     table = f'<body name="table" pos="3 0 0">{geom}</body>'
     found = check(
         arm(
