@@ -146,7 +146,8 @@ def bounce(bench: Bench) -> Iterator[str]:
         found.append(max(0.0, float(speeds.max() / -speeds.min())) if speeds.min() < 0 else 0.0)
     (low, high), (less, more) = BOUNCES, found
     if more - less < (high - low) / 2:
-        yield f"{pair} {less:.3g} and {more:.3g}, asked {low:g} and {high:g}: it does not follow what is asked"
+        both = f"{less:.3g} and {more:.3g}, asked {low:g} and {high:g}"
+        yield f"{pair} {both}: it does not follow what is asked"
         return
     for asked, one in zip(BOUNCES, found):
         if abs(one - asked) > RESTITUTION:
