@@ -140,7 +140,7 @@ def test_no_plugin_replaces_an_engine_of_ours(package):
 
 
 def test_two_versions_of_an_engine_need_two_names(package):
-    """The second is told whose name it has."""
+    """The error of the second names the first."""
     package(first=SOUND, second=SOUND)
     registered("first:Engine")
     with pytest.raises(
