@@ -81,10 +81,12 @@ def registered(name: str) -> str:
         ENGINES[name] = entry_of_ours(name)
     elif ":" in name:
         own_name, entry = entry_of(name)
-        if own_name in available() and ENGINES.get(own_name, entry).implementation != name:
-            raise AdapterError(f"engine {name!r}: it calls itself {own_name!r}, which is another engine")
-        if own_name in OURS:
-            raise AdapterError(f"engine {name!r}: it calls itself {own_name!r}, which is another engine")
+        taken = ENGINES.get(own_name, entry).implementation
+        if own_name in OURS or (own_name in available() and taken != name):
+            other = f"that of {taken}" if ":" in taken and own_name not in OURS else "another engine's"
+            raise AdapterError(
+                f"engine {name!r}: its `name` is {own_name!r}, {other}; give it one of its own"
+            )
         ENGINES[own_name] = entry
         return own_name
     elif name in declared():

@@ -321,7 +321,8 @@ def _check_coefficients(scenario: Scenario, report: Report) -> None:
     missing = set()
     for i, body in enumerate(scenario.bodies):
         if body.material not in materials:
-            report(f"bodies[{i}].material", f"unknown {body.material!r}; valid: {', '.join(materials)}")
+            valid = ", ".join(materials) or "none"
+            report(f"bodies[{i}].material", f"unknown {body.material!r}; valid: {valid}")
     groups = Counter((body.material, body.kind in UNMOVED) for body in scenario.bodies)
     for (a, a_stays), (b, b_stays) in combinations_with_replacement(groups, 2):
         alone = (a, a_stays) == (b, b_stays) and groups[a, a_stays] == 1

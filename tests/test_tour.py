@@ -85,7 +85,7 @@ def test_the_tour_from_a_wheel(monkeypatch, tmp_path):
     shutil.copytree(ROOT, source, ignore=unversioned)
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
     subprocess.run([*pip, "wheel", "--no-deps", "-w", tmp_path, source], check=True, timeout=300)
-    wheel = next(tmp_path.glob("touchstone-*.whl"))
+    wheel = next(tmp_path.glob("touchstone_contact-*.whl"))
     subprocess.run([*pip, "install", "--no-deps", "--target", tmp_path / "site", wheel], check=True)
     (tmp_path / "empty").mkdir()
     assert walk(monkeypatch, tmp_path / "empty", str(tmp_path / "site"), "", "") >= 7

@@ -65,8 +65,11 @@ class Bench:
 
     @contextmanager
     def world(self, scenario: Scenario) -> Iterator[World]:
-        """A world that is closed at the end."""
+        """A world that is closed at the end; raises ContractError if it lacks a method."""
         world = self.engine.build(scenario, self.settings)
+        contract = (name for name, one in vars(World).items() if callable(one) and not name.startswith("_"))
+        if lacking := [name for name in contract if not callable(getattr(world, name, None))]:
+            raise ContractError(f"`build` returns {type(world).__name__}, which lacks {', '.join(lacking)}")
         try:
             yield world
         finally:

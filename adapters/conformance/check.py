@@ -49,7 +49,7 @@ def check(
     name: str, profile: str = "", loader: Loader = load, patience: float = PATIENCE
 ) -> Iterator[Report]:
     """Check an engine under a profile ("": its first), one report per check. An engine that hangs in two is
-    not asked again.
+    not asked again; faults of a check before are not told again.
 
     Raises AdapterError if the engine or the profile is unknown or the engine cannot be loaded.
     """
@@ -59,6 +59,7 @@ def check(
     with TemporaryDirectory() as folder:
         child: ChildProcess | None = None
         hung: list[str] = []
+        told: dict[str, str] = {}
         for number, one in enumerate(CHECKS):
             if len(hung) == 2:
                 yield Report(one, skipped=f"the engine hung in the checks {hung[0]!r} and {hung[1]!r}")
@@ -78,7 +79,11 @@ def check(
                 hung += [one] * child.hung
                 child = None
             else:
-                yield Report(one, *answer)
+                faults, skipped = answer
+                again = dict.fromkeys(f"as in the check {told[fault]!r}" for fault in faults if fault in told)
+                new = tuple(fault for fault in faults if fault not in told)
+                yield Report(one, new, "; ".join(filter(None, (*again, skipped))))
+                told = dict.fromkeys(faults, one) | told
         if child is not None:
             child.stop()
 

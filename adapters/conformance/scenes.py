@@ -104,15 +104,15 @@ def sliding_balls() -> Scenario:
     return scene("sliding_balls", floor(), wood, steel, gravity=9.81)
 
 
-def bouncing_ball() -> Scenario:
-    """A ball that falls on a floor that returns 0.8 of its speed."""
+def bouncing_ball(restitution: float = 0.8) -> Scenario:
+    """A ball that falls on a floor that returns this share of its speed."""
     body = ball("ball", WOOD, RADIUS, MASS, (0.0, 0.0, RADIUS + 0.3))
     return scene(
         "bouncing_ball",
         floor(),
         body,
         gravity=9.81,
-        coefficients=(PairCoefficients(WOOD, WOOD, 0.8, 0.5),),
+        coefficients=(PairCoefficients(WOOD, WOOD, restitution, 0.5),),
     )
 
 

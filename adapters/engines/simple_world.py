@@ -12,16 +12,30 @@ from touchstone.scenarios.scenario import Scenario
 
 
 class SimpleWorld:
-    """World that needs `step` only, which calls `push` for each contact and `advance` at its end. `describe`
-    reports the arrays that `step` uses.
+    """World of which an engine of your own writes `step` alone: it changes velocities, calls `push` for each
+    contact, and `advance` at its end.
 
-    Attributes (n bodies; conventions as in `adapters/contract.py`):
-        position (n, 3), orientation (n, 4), linear_velocity (n, 3), angular_velocity (n, 3).
-        free (n,): whether a body is simulated.
-        mass (n,), inertia (n, 3, 3): of the bodies; inverse_mass (n,) is 0 for bodies that are not free.
-        restitution, friction: coefficient per pair of bodies (a < b) that may touch.
-        pairs: those pairs.
-        gravity (3,), dt: acting gravity [m/s^2] and native step [s].
+        def step(self):
+            self.linear_velocity[self.free] += self.gravity * self.dt
+            for a, b in self.pairs:
+                ...  # find where the two touch, and the impulse that self.friction[a, b] allows
+                self.push(a, b, point, normal, distance, impulse)
+            self.advance()
+
+    The engine's `build(scenario, settings)` returns it, and raises Unsupported for shapes, kinds of bodies
+    and laws that `step` does not have. `describe` reports the arrays below, so `step` must use them.
+
+    Attributes (n bodies in the scenario's order; conventions as in `adapters/contract.py`):
+        scenario, settings: those of `build`; shapes are in `scenario.bodies[k].pieces`.
+        position (n, 3): origins of the bodies, world [m]; orientation (n, 4): quaternions wxyz.
+        linear_velocity (n, 3): of the centres of mass, world [m/s].
+        angular_velocity (n, 3): along the world's axes [rad/s].
+        free (n,): whether forces move a body: true of `simulated` ones, false of `fixed` ones.
+        mass (n,) [kg]; inverse_mass (n,) [1/kg]: 0 for bodies that are not free.
+        inertia (n, 3, 3): about the centre of mass, along the body's axes [kg m^2].
+        pairs: indices (a, b) with a < b of all bodies that may touch, whether they are near or not.
+        restitution, friction: coefficient of each of `pairs` [1], as friction[a, b].
+        gravity (3,): acting gravity [m/s^2]; dt: native step [s].
     """
 
     engine, version = "simple", "0"
@@ -49,8 +63,15 @@ class SimpleWorld:
         raise AdapterError(f"{self.engine}: {type(self).__name__} defines no step(self)")
 
     def push(self, a: int, b: int, point: Array, normal: Array, distance: float, impulse: Array) -> None:
-        """Apply an impulse [N s] to b, and its reverse to a, at a world point; report it as a contact of this
-        step, with the normal from a to b."""
+        """Change the velocities of two bodies by an impulse, and report it as a contact of this step.
+
+        Args:
+            a, b: indices of the bodies.
+            point (3,): where the impulse acts, halfway between the two surfaces, world [m].
+            normal (3,): unit vector from a to b, world.
+            distance: between the surfaces at the start of the step, negative in overlap [m].
+            impulse (3,): on b, its reverse acts on a; friction included, world [N s].
+        """
         turns = self._turns()
         for body, sign in ((a, -1.0), (b, 1.0)):
             if self.free[body]:
@@ -61,7 +82,8 @@ class SimpleWorld:
         self._touched.append((a, b, point, normal, distance, impulse))
 
     def advance(self) -> None:
-        """Move free bodies by their velocities over a step; their angular momentum is kept."""
+        """Move free bodies over a step by the velocities that they now have, once at the end of `step`; their
+        angular momentum is kept."""
         centers, before = self._centers() + self.free[:, None] * self.linear_velocity * self.dt, self._turns()
         turned = Rotation.from_rotvec(self.free[:, None] * self.angular_velocity * self.dt) * before
         for body in np.flatnonzero(self.free):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Set as AbstractSet
 from typing import Any
 
 import numpy as np
@@ -23,17 +23,23 @@ ELEMENTS = {"fixed": ("tendon", " between joints"), "skin": ("skin", ", drawn an
 """Other elements of MJCF that are left out."""
 
 
-def friction_of(model: Any, notes: list[str]) -> float:
-    """Friction coefficient of the model's colliding geoms; where they differ, the largest, with a note."""
+def friction_of(source: Source, notes: list[str]) -> float:
+    """Friction coefficient of the model's colliding geoms: where they differ, the largest; where none states
+    one, MuJoCo's default; either with a note."""
+    model = source.model
     active = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    found = sorted(set(model.geom_friction[active, 0].tolist()))
+    found = sorted(set(model.geom_friction[active, 0].tolist())) or [1.0]
     if len(found) > 1:
         listed = ", ".join(f"{value:g}" for value in found)
         notes.append(f"friction: {listed} in the model; the largest holds for all, as MuJoCo combines them")
-    return float(found[-1]) if found else 1.0
+    elif not any("friction" in one.attributes for one in source.root.walk()):
+        notes.append(
+            f"friction: no shape states one; {found[0]:g} holds for all, as in MuJoCo, restitution 0"
+        )
+    return float(found[-1])
 
 
-def left_out(source: Source, kept: Collection[str] | None) -> list[str]:
+def left_out(source: Source, kept: AbstractSet[str] | None) -> list[str]:
     """A line per kind of thing that is not in the scene; `kept`: names of the hinges of driven bodies, None
     for a simulated robot, which keeps springs, damping, actuators and exclusions; `couplings.py` has its
     couplings of joints."""
@@ -90,15 +96,18 @@ def left_out(source: Source, kept: Collection[str] | None) -> list[str]:
         notes.append(f"left out: {plural(model.npair, 'pair')}{and_exclusions} of contact")
     if kept is None:
         return notes
-    unlimited = [
-        int(joint) for joint in hinges if not model.jnt_limited[joint] and model.joint(joint).name in kept
-    ]
-    if unlimited:
-        names = ", ".join(repr(model.joint(joint).name) for joint in unlimited[:5])
-        more = f" and {len(unlimited) - 5} more" if len(unlimited) > 5 else ""
-        notes.append(
-            f"joints {names}{more}: without limits, or with equal ones; the scene has {UNLIMITED:g} rad"
-        )
+    bounded = {
+        one.attributes.get("name") for one in source.root.walk() if one.attributes.get("type") == "revolute"
+    }
+    free = [model.joint(joint).name for joint in hinges if not model.jnt_limited[joint]]
+    for text, found in (
+        ("without limits", [name for name in free if name in kept - bounded]),
+        ("limits equal or missing", [name for name in free if name in kept & bounded]),
+    ):
+        if found:
+            names = ", ".join(map(repr, found[:5])) + (f" and {len(found) - 5} more" if found[5:] else "")
+            joints = "joints" if found[1:] else "joint"
+            notes.append(f"{joints} {names}: {text}; the scene has {UNLIMITED:g} rad, which stops nothing")
     return notes
 
 

@@ -122,7 +122,7 @@ def _scene(
         add_exclusions(maker, parts, notes)
     if not parts.trackers and not any(body.kind == "simulated" for body in parts.bodies):
         raise RobotError(NOTHING_MOVES)
-    friction = friction_of(model, notes)
+    friction = friction_of(source, notes)
     pairs = (("robot", "robot"), ("robot", "floor"))
     place_floor(parts, notes)
     return Scenario(

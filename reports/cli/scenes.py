@@ -67,10 +67,12 @@ def _tell(lines: Iterable[str]) -> None:
 
 def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
     """One line per tracker that holds its last valid sample, per path that leaves its keyframes, per scene
-    in which bodies overlap at the start, and per file whose scene has the name of one of the catalogue."""
+    in which bodies overlap at the start, per file whose scene has the name of one of the catalogue, and per
+    value of a scene without tags that no body has."""
     from touchstone.reports.metrics.context import judge_faults
     from touchstone.scenarios.avatar.tracking import swings
     from touchstone.scenarios.files.named import hidden_by_catalogue
+    from touchstone.scenarios.plausibility import implausible
 
     measures = not judge_faults()
     for scenario in scenarios:
@@ -81,6 +83,8 @@ def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
             more = f", and {len(pairs) - 1} other pairs overlap" if len(pairs) > 1 else ""
             names = f"{scenario.bodies[a].name} and {scenario.bodies[b].name}"
             yield f"{scenario.name}: {names} overlap by {depth:.3g} m at the start{more}"
+        for line in implausible(scenario) if not scenario.tags else ():  # some of the catalogue go beyond
+            yield f"{scenario.name}: {line}"
         for i, tracker in enumerate(scenario.trackers):
             place = f"{scenario.name}: trackers[{i}]"
             if tracker.held:

@@ -19,7 +19,6 @@ from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import ENGINES
 from touchstone.adapters.workers.play import play
 from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Scenario, Tracker
 
 AGREED = 1e-9
@@ -40,8 +39,8 @@ def card_rows(scenario: Scenario, file: Path | None = None) -> list[dict[str, ob
     """
     driven = _driven(scenario)
     if not driven:
-        valid = ", ".join(s.name for s in catalogue().values() if _driven(s))
-        raise NotDriven(f"{scenario.name}: no driven bodies, so no model card (valid: {valid})")
+        robots = "robots have them if imported without --free"
+        raise NotDriven(f"{scenario.name}: no driven bodies, so no model card; {robots}")
     held, reasons = _held(scenario)
     rows: list[dict[str, object]] = []
     for tracker in driven:

@@ -23,6 +23,7 @@ from touchstone.scenarios.files.schema import (
     KEYFRAMES,
     SHAPE_TYPES,
     SURFACES,
+    UNKNOWN,
     Fault,
     checked,
     model_of,
@@ -41,6 +42,8 @@ UNIT_INERTIA = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ARITHMETIC = (ValueError, ArithmeticError, IndexError)
 """Exceptions of the inertia of a body whose mass or shape is wrong."""
 MISSING = "missing"
+TIMED = ("trackers", "expectations", "truths", "forces", "published")
+"""Fields whose checks depend on the duration, gravity or effects of the scene."""
 STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 """An index or a name in the path of a fault."""
 
@@ -123,6 +126,8 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
     """
     data, faults, message_of = data_of_file(path, model_of(Scenario))
     misspelt = {place[:-1] for place, _ in faults}
+    doubtful = {place[:2] for place, text in faults if not text.startswith(UNKNOWN)}
+    untimed = any(len(place) == 1 or place[0] not in data for place in doubtful)
     if data:
         data = {"name": path.stem, "summary": "", "tags": (), **data}
         if not NAME.fullmatch(data["name"]):
@@ -139,15 +144,22 @@ def read_scene(path: Path, allow_paths: bool = False) -> Scenario:
             own += _weighed(body, ("bodies", i))
         for i, tracker in enumerate(data.get("trackers", ())):
             own += _tracked(tracker, ("trackers", i), path.parent, allow_paths)
-        faults += [(where, text) for where, text in own if text != MISSING or where[:-1] not in misspelt]
+        faults += [
+            (where, text)
+            for where, text in own
+            if where[:2] not in doubtful and (text != MISSING or where[:-1] not in misspelt)
+        ]
         try:
             scenario = scenario_of(data)
         except ScenarioError as error:
-            # A check of what took the place of a body's inertia or a tracker's file says nothing.
-            doubtful = {place[:2] for place, _ in own}
-            more = [(placed(where), text) for where, text in error.faults]
+            # A check of what took the place of a wrong field, an inertia or a tracker's file says nothing.
+            doubtful |= {place[:2] for place, _ in own}
             faults += [
-                one for one in more if one[0][:2] not in doubtful and not _misspelt(one[0], misspelt, data)
+                one
+                for one in ((placed(where), text) for where, text in error.faults)
+                if one[0][:2] not in doubtful
+                and not _misspelt(one[0], misspelt, data)
+                and not (untimed and one[0][0] in TIMED)
             ]
     if faults:
         raise SceneFileError(message_of(faults))

@@ -45,6 +45,10 @@ ADDED: dict[type, dict[str, tuple[Any, Any]]] = {
     TriangleMesh: {"file": (str, ModelField("", description="OBJ or STL file with the triangles"))},
 }
 """Fields of files that the dataclass does not have."""
+NUMBER = 1.0
+"""Stands for a wrong number that a file must state, so that the other fields can be checked."""
+UNKNOWN = "unknown field"
+"""Start of the fault of a field that there is not."""
 Fault = tuple[Path, str]
 """Path of a field, and what is wrong."""
 
@@ -112,19 +116,17 @@ def json_schema() -> dict[str, Any]:
 def checked(data: Any, model: type[BaseModel]) -> tuple[dict[str, Any], list[Fault]]:
     """Plain data of a file, and the faults of its fields, types and choices.
 
-    Unknown fields are reported and left out of the data; with other faults the data are empty.
+    Unknown fields, and wrong ones that may be omitted, are reported and left out of the data; other wrong
+    numbers become NUMBER. Without what other parts refer to, as a name, the data are empty.
     """
     found: list[Fault] = []
     try:
         return model.model_validate(data).model_dump(exclude_unset=True), found
     except ValidationError as error:
-        all_unknown = all(one["type"] == "extra_forbidden" for one in error.errors())
-        for one in error.errors():
-            path = _in_file(one["loc"], data)
-            found.append((path, _message(one, path, model)))
-            if all_unknown:
-                _without(data, path)
-    return (checked(data, model)[0] if all_unknown else {}), found
+        places = [(one, _in_file(one["loc"], data)) for one in error.errors()]
+        found += [(path, _message(one, path, model)) for one, path in places]
+        sound = [_without(data, path, one["loc"], model) for one, path in places]
+    return (checked(data, model)[0] if all(sound) else {}), found
 
 
 def _in_file(place: tuple[Any, ...], data: Any) -> Path:
@@ -141,10 +143,26 @@ def _in_file(place: tuple[Any, ...], data: Any) -> Path:
     return tuple(path)
 
 
-def _without(data: Any, path: Path) -> None:
-    for key in path[:-1]:
-        data = data[key]
-    del data[path[-1]]
+def _without(data: Any, path: Path, place: tuple[Any, ...], model: Any) -> bool:
+    """Take a faulty value, or the innermost part around it that may be omitted, out of the data, or put
+    NUMBER in place of a number; returns whether that leaves everything that other parts refer to."""
+    for k in range(len(path), 0, -1):
+        *above, name = path[:k]
+        inner = _model_at(place, model)
+        field = inner.model_fields.get(name) if inner is not None and isinstance(name, str) else None
+        if k == 1 and field is not None and _inner_model(field.annotation) is not None:
+            return False
+        if isinstance(name, str) and (field is None or not field.is_required() or field.annotation is float):
+            try:
+                for key in above:
+                    data = data[key]
+            except (KeyError, IndexError):  # taken out with the part around it
+                return True
+            data.pop(name, None)
+            data |= {name: NUMBER} if field is not None and field.is_required() else {}
+            return True
+        place = place[: len(place) - 1 - place[::-1].index(name)]
+    return False
 
 
 def _message(one: Any, path: Path, model: type[BaseModel]) -> str:
@@ -186,7 +204,7 @@ def _unknown(name: object, valid: list[str]) -> str:
     """An unknown field, and those that it resembles."""
     near = difflib.get_close_matches(str(name), valid, n=3, cutoff=0.5)
     hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-    return f"unknown field {name!r}{hint}"
+    return f"{UNKNOWN} {name!r}{hint}"
 
 
 def _parts_with(name: object, model: Any) -> str:

@@ -133,8 +133,20 @@ def test_a_target_has_two_parts(target):
 def test_no_plugin_replaces_an_engine_of_ours(package):
     """A plug-in that calls itself like one of ours is refused."""
     package(faulty=SOUND.replace("sound", "mujoco"))
-    with pytest.raises(AdapterError, match="it calls itself 'mujoco', which is another engine"):
+    with pytest.raises(
+        AdapterError, match="its `name` is 'mujoco', another engine's; give it one of its own"
+    ):
         registered("faulty:Engine")
+
+
+def test_two_versions_of_an_engine_need_two_names(package):
+    """The error of the second names the first."""
+    package(first=SOUND, second=SOUND)
+    registered("first:Engine")
+    with pytest.raises(
+        AdapterError, match="its `name` is 'sound', that of first:Engine; give it one of its own"
+    ):
+        registered("second:Engine")
 
 
 def test_a_module_that_went_away_is_named(monkeypatch):

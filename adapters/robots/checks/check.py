@@ -32,7 +32,7 @@ def findings(path: Path, allow_paths: bool = False) -> Iterator[Finding]:
     yield from _motion(source)
     yield from hulls(source.model, maker)
     yield from overlaps(places)
-    yield from masses(places[0])
+    yield from masses(source, places[0])
     yield from drives(source, places)
     yield from grips(source, places[0])
 

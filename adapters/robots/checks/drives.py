@@ -14,8 +14,9 @@ from touchstone.adapters.robots.links import HINGE
 from touchstone.adapters.robots.source import Source, number
 from touchstone.adapters.robots.xml_source import Element
 
-TURNS = 4 * pi
-"""Range of a hinge beyond which its limit stops nothing that a robot does [rad]: two turns."""
+TURNS = 4.04 * pi
+"""Range of a hinge beyond which its limit stops nothing that a robot does [rad]: two turns, as files round
+them."""
 OUT = 1e-6
 """Distance from a limit at which a posture lies outside it [rad, m]."""
 
@@ -109,9 +110,7 @@ def _limits(
         return
     if unit == "rad" and high - low > TURNS:
         text = f"its range of {high - low:.4g} rad is more than two turns: the limit stops nothing"
-        yield Finding(
-            "limit", subject, text, "state the limit in radians, or make the hinge continuous", NOTE
-        )
+        yield Finding("limit", subject, text, "state the limit in radians, or make the hinge continuous")
     for posture in postures:
         at = float(posture.qpos[model.jnt_qposadr[joint]])
         if not low - OUT <= at <= high + OUT:

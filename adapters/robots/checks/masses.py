@@ -10,12 +10,12 @@ from touchstone.adapters.robots.checks.finding import Finding
 from touchstone.adapters.robots.checks.posture import Posture, colliding, name_of
 from touchstone.adapters.robots.links import MassProperties, body_mass, combined
 from touchstone.adapters.robots.pieces import TYPE
+from touchstone.adapters.robots.source import Source
 from touchstone.scenarios.avatar.kinematics import piece_box
 from touchstone.scenarios.files.mass_properties import uniform, volume
+from touchstone.scenarios.plausibility import DENSITIES, UNITS
 from touchstone.scenarios.scenario import Piece
 
-DENSITIES = (10.0, 25_000.0)
-"""Densities that a link may have [kg/m^3]: light foam has 15, osmium 22,600."""
 MOMENTS = 5.0
 """Factor between a link's moments and those of a uniform solid of its shapes [1]: a thin shell has 1.7."""
 OUTSIDE = 0.1
@@ -23,11 +23,14 @@ OUTSIDE = 0.1
 are often drawn and do not collide."""
 
 
-def masses(posture: Posture) -> Iterator[Finding]:
-    """Links whose mass, centre or inertia does not fit their shapes, in one posture."""
-    model = posture.model
-    for link in sorted(set(model.body_weldid.tolist()) - {0}):
-        own = [body for body in range(model.nbody) if model.body_weldid[body] == link]
+def masses(source: Source, posture: Posture) -> Iterator[Finding]:
+    """Links whose mass, centre or inertia does not fit their shapes, in one posture; roots, too, that the
+    model fixes to the world, unless they become fixed bodies: trees of MJCF without a joint."""
+    model = source.model
+    rigid = np.where(model.body_weldid == 0, model.body_rootid, model.body_weldid)
+    trees = model.body_rootid[model.jnt_bodyid] if source.form == "mjcf" else model.body_rootid
+    for link in sorted({*rigid[np.isin(model.body_rootid, trees)].tolist()} - {0}):
+        own = np.flatnonzero(rigid == link).tolist()
         geoms = [geom for geom in colliding(model) if model.geom_bodyid[geom] in own]
         pieces = tuple(posture.piece(geom) for geom in geoms if TYPE[int(model.geom_type[geom])] != "plane")
         whole = combined(
@@ -51,7 +54,7 @@ def _link(name: str, whole: MassProperties, pieces: tuple[Piece, ...]) -> Iterat
             "inertia",
             name,
             f"{whole.mass:.3g} kg in its shapes are {density:.3g} kg/m^3",
-            "check the mass (kg, not g) and the scale of the shapes (m, not mm)",
+            UNITS,
         )
     boxes = np.array([piece_box(piece, np.zeros(3), np.eye(3)) for piece in pieces])
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)

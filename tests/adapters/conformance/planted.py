@@ -53,6 +53,8 @@ class Sound(toy.ToyWorld):
         match self.bug:
             case "raises":
                 raise ZeroDivisionError("division by zero")
+            case "restitution":
+                self.restitution = dict.fromkeys(self.pairs, 0.5)
             case "damping":
                 self.linear_velocity *= 0.99
         super().step()

@@ -17,6 +17,7 @@ PLANTED = {
     "mass": r"mass of 'wooden' is 1\.44 kg, asked 1\.2",
     "inertia about the origin": r"inertia of 'box' is taken about its origin",
     "coefficients exchanged": r"restitution and friction of floor-wooden are exchanged",
+    "restitution": r"acts as 0\.5\d* and 0\.5\d*, asked 0\.2 and 0\.8: it does not follow what is asked",
     "gravity": r"gravity is \(0, 0, -4\.905\) m/s\^2, asked \(0, 0, -9\.81\)",
     "shared state": r"angular velocity of 'ball' is|worlds share a state|two runs of one scene differ",
     "step": r"a step advances by 0\.008333 s, asked 0\.004167 s",
@@ -138,6 +139,29 @@ def test_a_crash_and_a_hang_end_one_check(monkeypatch, tmp_path):
     reports = list(check("hang", patience=1.0))
     assert [bool(report.faults) for report in reports] == [True, True, False]
     assert reports[2].skipped == "the engine hung in the checks 'order' and 'bounce'"
+
+
+EMPTY = """
+class Empty:
+    name, profiles = "empty", {"default": 1 / 240}
+
+    def version(self):
+        return "1"
+
+    def build(self, scenario, settings):
+        return object()
+"""
+
+
+def test_a_world_without_methods_is_told_once(monkeypatch, tmp_path):
+    """The methods that it lacks are named in the first check; the others refer to it."""
+    (tmp_path / "empty_engine.py").write_text(EMPTY)
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    monkeypatch.setitem(ENGINES, "empty", Entry("empty_engine:Empty", "empty_engine", {"default": 1 / 240}))
+    first, *others = check("empty")
+    lacks = "drive, step, read, describe, cross, stage_seconds, work, close"
+    assert first.faults == (f"`build` returns object, which lacks {lacks}",)
+    assert [(one.faults, one.skipped) for one in others] == [((), "as in the check 'manifest'")] * len(others)
 
 
 def test_an_unknown_profile_is_refused():

@@ -130,6 +130,27 @@ def test_inertia_is_compared_with_the_shape(check, inertia, text):
     assert found[0].text.startswith(text)
 
 
+def test_roots_that_the_model_fixes_have_a_mass_too(check):
+    """URDF's root is fixed to MuJoCo's world, and MJCF may fix one; a table that no joint moves may weigh
+    anything."""
+    inertia = '<inertia ixx="25" iyy="25" izz="25" ixy="0" ixz="0" iyz="0"/>'
+    shape = '<collision><geometry><box size="0.3 0.3 0.3"/></geometry></collision>'
+    chassis = f'<link name="chassis"><inertial><mass value="3000"/>{inertia}</inertial>{shape}</link>'
+    joint = '<joint name="j" type="continuous"><parent link="chassis"/><child link="wheel"/></joint>'
+    wheel = chassis.replace("chassis", "wheel").replace("3000", "30").replace('"25"', '"0.4"')
+    found = check(f'<robot name="r">{chassis}{wheel}{joint}</robot>', "robot.urdf")
+    assert [(one.verdict, one.subject) for one in found] == [(FAULT, "body 'chassis'")]
+    geom = '<geom type="box" size="0.1 0.1 0.1" pos="-0.5 0 0" mass="1000"/>'
+    table = f'<body name="table" pos="3 0 0">{geom}</body>'
+    found = check(
+        arm(
+            more=table
+            + f'<body name="base" pos="-2 0 0">{geom}<body><joint/><geom size="0.1"/></body></body>'
+        )
+    )
+    assert [one.subject for one in found if one.check == "inertia"] == ["body 'base'"]
+
+
 def test_a_centre_of_mass_outside_the_shape_is_named(check):
     """A centre half a metre above the box is 450 mm outside."""
     stated = 'range="-1 1"/><inertial pos="0.2 0 0.5" mass="1" diaginertia="0.0017 0.0142 0.0142"/><site'
@@ -166,6 +187,10 @@ def test_limits_and_drives_that_do_nothing(check, changes, line):
 @pytest.mark.parametrize(
     ("limit", "text"),
     [
+        (
+            'lower="-90" upper="90" effort="5" velocity="1"',
+            "its range of 180 rad is more than two turns: the",
+        ),
         ('lower="-1" upper="1" effort="0" velocity="1"', "effort 0 allows its drive no force"),
         ('lower="-1" upper="1" effort="5" velocity="0"', "velocity 0 allows its drive no speed"),
         ('effort="5" velocity="1"', "its limits are equal or missing: nothing stops it"),
@@ -184,7 +209,7 @@ def test_limits_of_urdf(check, limit, text):
     ends = '<parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>'
     joint = f'<joint name="elbow" type="revolute">{ends}<limit {limit}/></joint>'
     found = check(f'<robot name="r">{links}{joint}</robot>', "robot.urdf")
-    assert [one.text for one in found] == [text]
+    assert [(one.verdict, one.text.startswith(text)) for one in found] == [(FAULT, True)]
 
 
 def test_a_gripper_says_what_it_holds(check):

@@ -92,7 +92,8 @@ def test_a_urdf_keeps_its_masses_and_joints(robot, tmp_path):
     assert rod == Cylinder(0.02, 0.2)
     assert len(tip.vertices) == 4
     check_whole(tmp_path / "arm.urdf", found)
-    assert [note.partition(":")[0] for note in found.notes] == ["mesh 'tip'", "floor"]
+    assert [note.partition(":")[0] for note in found.notes] == ["mesh 'tip'", "friction", "floor"]
+    assert found.notes[1] == "friction: no shape states one; 1 holds for all, as in MuJoCo, restitution 0"
     # what is written is read again, to the bit
     (tmp_path / "again.toml").write_text(scene_toml(scenario, "\n".join(found.notes)))
     assert read_scene(tmp_path / "again.toml") == scenario
@@ -105,11 +106,20 @@ def test_several_hinges_share_a_body(robot, tmp_path):
     assert [joint.name for joint in scenario.joints] == ["x", "y", "z", "ankle"]
     assert [chain.joints for chain in scenario.chains] == [("x", "y", "z", "ankle")]
     assert scenario.joints[3].upper == 1000.0
-    assert any("'ankle': without limits" in note for note in found.notes)
+    assert any("joint 'ankle': without limits;" in note for note in found.notes)
+    stated = robot(BODY.replace('<geom size="0.06"', '<geom friction="1" size="0.06"'))
+    assert not any(note.startswith("friction") for note in stated.notes)
     assert scenario.trackers[0].positions[0] == (0.0, 0.0, 1.0)
     floor, (slab,) = scenario.bodies[0], scenario.bodies[0].pieces
     assert (floor.kind, slab.shape, slab.position[2]) == ("fixed", Box((10.0, 10.0, 0.5)), -0.5)
     check_whole(tmp_path / "robot.xml", found)
+
+
+def test_a_note_tells_limits_that_are_missing_from_none(robot):
+    """A continuous hinge needs no limits; a revolute one states them."""
+    for kind, text in (("continuous", "without limits"), ("revolute", "limits equal or missing")):
+        arm = ARM.replace('"revolute"', f'"{kind}"').replace('lower="-1" upper="2"', 'lower="1" upper="1"')
+        assert robot(arm, "arm.urdf").notes[-1].startswith(f"joint 'hinge': {text}; the scene has 1000 rad")
 
 
 @pytest.mark.parametrize(

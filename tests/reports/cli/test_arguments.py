@@ -118,7 +118,7 @@ WRONG = [
     ("show", "Missing argument 'scenario' (see touchstone show --help)"),
     ("show fall --format xml", "Invalid value for '--format': "),
     ("study ik --seed -1", "Invalid value for '--seed': "),
-    ("show fall --model-card", "fall: no driven bodies, so no model card (valid: arms_cross, "),
+    ("show fall --model-card", "fall: no driven bodies, so no model card; robots have them if"),
     ("study convergence ball_snip", "no truth for ball_snip; valid: arch_stands, "),
     ("study convergence sliderz", "unknown scenario 'sliderz'; did you mean 'sliders'"),
     ("study convergence fall --engine bulet", "unknown engine 'bulet'; did you mean 'bullet'?"),

@@ -128,7 +128,7 @@ def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
             "expected a scene file that ends in .toml, .json, .py; touchstone import makes one",
         ),
         ("run fall fall.json", "fall.json: two scenes of this run are called 'fall'"),
-        ("show bad.json", "bad.json:2: duration: found 'x', expected a valid number"),
+        ("show bad.json", "bad.json:1: duration: found 'x', expected a valid number"),
         ("run limit.json", "limit: limits[0].metric: unknown metric 'overlap'"),
         ("run boundless.json", "boundless: limits[0].largest: found -1, expected a number from 0 on"),
     ],
@@ -138,7 +138,7 @@ def test_wrong_files_exit_with_one_line(refused, tmp_path, command, line):
     text = scene_json(catalogue()["fall"])
     for name in ("fall.json", "fall.txt"):
         (tmp_path / name).write_text(text)
-    (tmp_path / "bad.json").write_text('{"coefficients": [], "bodies": [],\n "duration": "x"}')
+    (tmp_path / "bad.json").write_text(json.dumps(json.loads(text) | {"duration": "x"}))
     limited = replace(catalogue()["fall"], name="limit", limits=(MetricLimit("overlap", 1.0),))
     (tmp_path / "limit.json").write_text(scene_json(limited))
     boundless = replace(limited, name="boundless", limits=(MetricLimit("overlap.max", -1.0),))

@@ -150,6 +150,16 @@ def test_bodies_that_overlap_at_the_start_are_named(touchstone, tmp_path):
     assert (code, err) == (0, "own_crank: crank and piston overlap by 0.0308 m at the start\n")
 
 
+def test_values_that_no_body_has_are_named_without_tags(touchstone, tmp_path):
+    """A scene of its own file; those of the catalogue go beyond on purpose."""
+    assert "load_1e6: " not in touchstone("show load_1e6")[2]
+    scene = scene_data(catalogue()["load_1e6"]) | {"name": "load", "tags": []}
+    (tmp_path / "load.json").write_text(json.dumps(scene))
+    assert touchstone("show load.json")[2].startswith(
+        "load: box_2: 1e+06 kg in its shapes are 1e+09 kg/m^3; "
+    )
+
+
 def test_effects_that_a_person_lacks_cost_nothing():
     """A plan with one of them more keeps the fat bounds of the plan, and does no other work."""
     scenario = replace(catalogue()["two_arms"], duration=0.5, expectations=())

@@ -108,6 +108,34 @@ def test_all_faults_are_told_at_once(scene):
     ]
 
 
+def test_wrong_types_do_not_hide_wrong_values(scene):
+    """Types and values are told in one round, and nothing that follows from a wrong field alone."""
+    text = SOUND.replace("duration = 1.0", "duration = '1 s'").replace("mass = 0.2", "mass = '0.2 kg'")
+    text = text.replace("restitution = 0.5, friction = 0.3", "restitution = '0.5', friction = 0.3")
+    ball = SOUND[SOUND.index("[[bodies]]") :].replace('name = "ball"', 'name = "two"')
+    text += ball.replace('"wood"', '"steel"') + "orientation = [1, 0, 0.5, 0]\n"
+    text += ball.replace('"two"', '"three"').replace("radius", "radus").replace("mass", "linear_velocity")
+    times = "earliest = 2.0\nlatest = 3.0\n"
+    text += f'[[expectations]]\nevent = "meet"\nbody = "ball"\nother = "two"\n{times}'
+    assert [line.split(": ")[1] for line in scene(text)] == [
+        "duration",
+        "coefficients[0].restitution",
+        "bodies[0].mass",
+        "bodies[1].material",
+        "bodies[1].orientation",
+        "bodies[2].linear_velocity",
+        "bodies[2].pieces[0].shape",
+    ]
+    assert [line.split(": ")[1] for line in scene(text.replace('body = "ball"', "body = 3"))] == [
+        "duration",
+        "coefficients[0].restitution",
+        "bodies[0].mass",
+        "bodies[2].linear_velocity",
+        "bodies[2].pieces[0].shape",
+        "expectations[0].body",
+    ]
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
