@@ -167,7 +167,7 @@ def first_change(pieces, pairs, count, sought):
     first = NEVER
     for k in range(count):
         one, two = pieces[pairs[k]["piece_a"]], pieces[pairs[k]["piece_b"]]
-        if pairs[k]["curved"] != 1 or not (is_round(one) or is_round(two)):
+        if pairs[k]["curved"] != 1 or not (is_round(one) or is_round(two)) or pairs[k]["floor"] == NO_FLOOR:
             continue
         if (pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k) or _shares_load(pairs, count, k):
             continue
@@ -182,7 +182,7 @@ def first_change(pieces, pairs, count, sought):
             margin += pair["friction"] * along - sqrt(max(0.0, dot(p, p) - along * along))
             path_margin += pair["friction"] * far_along - sqrt(max(0.0, dot(q, q) - far_along * far_along))
             row = pair["next_point"]
-        first = min(first, _zero(load, path_load))
+        first = min(first, _zero(load, path_load), pairs[k]["leaves"])
         sticks = pairs[k]["static"] == 0 and pairs[k]["friction"] > 0 and _slip(pairs[k]) <= SLIDE_MIN
         if sticks and path_margin > CONE_CLOSE * path_load:
             first = min(first, _zero(margin, path_margin))

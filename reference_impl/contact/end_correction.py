@@ -25,7 +25,7 @@ from touchstone.reference_impl.continuous.contact_motion import end_error
 from touchstone.reference_impl.continuous.forced_rotation import mean_omega_curve
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
-from touchstone.reference_impl.core.conventions import GAP_LEFT, NO_FLOOR, SIMULATED, SINKING_DEPTH
+from touchstone.reference_impl.core.conventions import GAP_LEFT, NEVER, NO_FLOOR, SIMULATED, SINKING_DEPTH
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import (
     column,
@@ -66,7 +66,7 @@ def correct_ends(world, count, h, last):
     for k in range(count):
         pair = pairs[k]
         if pair["curved"] == 1 and pair["floor"] != NO_FLOOR:
-            a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
+            a, b, pair["leaves"] = bodies[pair["body_a"]], bodies[pair["body_b"]], NEVER
             if _end_geometry(world, a, b, pair, found):
                 error = max(error, _correct(a, b, pair, found, h, world.state, last))
             pose_along(a, 0.0)
@@ -80,6 +80,7 @@ def _end_geometry(world, a, b, pair, out_found):
     whether they are known. Features of a manifold stay what they are."""
     pieces = world.pieces
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
+    out_found["piece_a"], out_found["piece_b"] = pair["piece_a"], pair["piece_b"]
     if is_round(one) or is_round(two):
         if pair["manifold"] < 0:
             for side in range(2):
@@ -138,7 +139,6 @@ def _nearest_pieces(world, a, b, pair, out_found):
     to which the contact may have moved: its normal is at least as near to that of the start, otherwise it is
     an obstacle. Returns whether they are known."""
     pieces, one, two, n = world.pieces, pair["piece_a"], pair["piece_b"], pair["start_normal"]
-    out_found["piece_a"], out_found["piece_b"] = one, two
     on_a = not is_moving(a)
     many = a if on_a else b
     if not is_moving(many) and many["piece_count"] > 1:
@@ -193,6 +193,9 @@ def _correct(a, b, pair, found, h, state, last):
     error = max(abs(gap), abs(closing) * h)
     if p[0] == 0 and p[1] == 0 and p[2] == 0:
         error = max(0.0, -gap)
+        stays = found["piece_a"] == pair["piece_a"] and found["piece_b"] == pair["piece_b"]
+        if stays and pair["manifold"] < 0:
+            pair["leaves"] = _end_of_load(a, b, pair, found["distance"] - pair["distance"], closing, h)
     elif pair["slides"] == 0 and _keeps_sliding(pair, ux, uy, uz) and not last:
         pair["slides"], error = 1, max(error, 2 * end_error(h, state))
     loaded = pair["friction"] > 0 and (p[0] != 0 or p[1] != 0 or p[2] != 0)
@@ -235,6 +238,22 @@ def _correct(a, b, pair, found, h, state, last):
         bias = pair["path_bias"]
         bias[0], bias[1], bias[2] = 2 * (x - ux + vx), 2 * (y - uy + vy), 2 * (z - uz + vz)
     return error
+
+
+@kernel
+def _end_of_load(a, b, pair, opening, speed, h):
+    """Fraction of a substep of length h [s] at which the force of a contact falls to 0, if neither law finds
+    one; NEVER if it is 0 from the start. Without a force the gap opens by `opening` [m], and at the end with
+    `speed` [m/s]. Both tell its acceleration, linear in time: a force acts as long as that closes the gap."""
+    n, q = pair["start_normal"], pair["spare"]
+    x, y, z = _velocity_on(b, b["old_velocity"], b["old_omega"], pair["point"])
+    u, v, w = _velocity_on(a, a["old_velocity"], a["old_omega"], pair["point"])
+    start = n[0] * (x - u) + n[1] * (y - v) + n[2] * (z - w)
+    first = 6 * opening / h - 2 * speed - 4 * start
+    change = 2 * (speed - start - first)
+    if q[0] != 0 or q[1] != 0 or q[2] != 0 or not first < 0 < change:
+        return NEVER
+    return -first / change
 
 
 @kernel

@@ -152,7 +152,7 @@ def solve_resting_contacts(world, count, time, h):
             share = NEVER
             if state["curved"] == 1 and changes > 0:
                 share = first_change(world.pieces, pairs, count, last_time < 0)
-            if share >= 1 - ONSET_SHARE:
+            if not ONSET_SHARE < share < 1 - ONSET_SHARE:
                 break
             changes -= 1
             h *= share

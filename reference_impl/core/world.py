@@ -236,6 +236,7 @@ PAIR = record(
     free_turn=VECTOR,
     spare_moment=VECTOR,  # `spare` of the moment [N m s]
     start_normal=VECTOR,  # `normal` then, while the row is moved to the middle
+    leaves="f8",  # fraction of the substep at which a contact that ends it without a force leaves, or NEVER
     gap_error="f8",  # change of the gap over a substep beyond that of the mean velocity [m]
     # 1: normal and levers follow parabolas over the substep (`end_correction`); those by which impulses move
     # the bodies, and twice the mean velocity less that there [m/s]
