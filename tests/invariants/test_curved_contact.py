@@ -37,7 +37,7 @@ def error(scene: Scenario, rate: int, profile: str = "balanced", *changes: str) 
 @pytest.mark.parametrize(
     ("name", "most", "rates", "order"),
     [
-        ("cone_rolls", 5e-4, (120, 480), 1.8),
+        ("cone_rolls", 5e-4, (120, 480), 3.5),
         ("disc_rolls", 1e-5, (60, 240), 2.5),
         ("ellipsoid_rolls", 1e-3, (60, 120), 2.5),
         ("rattleback", 4e-2, (120, 480), 2.5),
@@ -45,8 +45,8 @@ def error(scene: Scenario, rate: int, profile: str = "balanced", *changes: str) 
     ],
 )
 def test_rotation_in_space_converges(name: str, most: float, rates: tuple[int, int], order: float) -> None:
-    """Half the step, an eighth of the error, a quarter where a line touches: the rotation follows the angular
-    momentum. With the mean of the angular velocities, discs and ellipsoids were 1e-3 and 3e-3 m off."""
+    """Half the step, an eighth of the error, a sixteenth where a line touches: the rotation follows the
+    angular momentum. With the mean of the angular velocities, discs were 1e-3 and ellipsoids 3e-3 m off."""
     scene = find(name)
     assert error(scene, 60) < most
     # without substeps of its own for the turn
@@ -60,7 +60,7 @@ def test_rotation_in_space_converges(name: str, most: float, rates: tuple[int, i
         ("ball_off_sphere", 1e-7, 1e-8),
         ("ball_off_sphere_rough", 5e-5, 5e-6),
         ("bowl_of_balls", 1e-4, 1e-5),
-        ("ellipsoid_rocks", 1e-4, 1e-5),
+        ("ellipsoid_rocks", 1e-4, 3e-8),
         ("prism_rolls", 5e-6, 2e-6),
         ("rocking_block", 2e-4, 2e-5),
     ],
@@ -73,6 +73,12 @@ def test_rotation_about_one_axis_is_nearer(name: str, coarse: float, fine: float
     which the contact moves."""
     assert error(find(name), 60) < coarse
     assert error(find(name), 480) < fine
+
+
+def test_a_ball_leaves_early_in_a_substep() -> None:
+    """Neither law then finds a force, and the ball left at the start, 3e-6 m off. At 1/240 s it leaves in the
+    first third of one."""
+    assert error(find("ball_off_sphere"), 240) < 1e-8
 
 
 def test_a_ball_without_friction_gets_no_spin() -> None:

@@ -1,7 +1,8 @@
 """The study `convergence`: errors against truths at seven steps, their order and floor per engine and scene.
 
-Every scene with a truth plays at 30 frames per second at STEPS and at each engine's own step. An engine that
-is nearer to the truth than the reference at the same step is a row of its own (`convergence.nearer`).
+Every scene with a truth plays at 30 frames per second at STEPS and at each engine's own step, and on the
+reference once more with steps that it does not divide: they tell the order of its law. An engine that is
+nearer to the truth than the reference at the same step is a row of its own (`convergence.nearer`).
 """
 
 from __future__ import annotations
@@ -27,10 +28,11 @@ from touchstone.reports.runner.request import REFERENCE, step_text
 from touchstone.reports.runner.sweep import DIVERGED, sweep
 from touchstone.reports.runner.tasks import own_profile, own_step
 from touchstone.reports.studies.agreement import require_truths, slope_of
-from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE
+from touchstone.reports.studies.convergence.measure import ERROR, FRAME_RATE, WHOLE
 from touchstone.reports.studies.study import kept
 from touchstone.reports.views.pictures import (
     DASHES,
+    DOTS,
     NOTHING,
     PALE,
     Looks,
@@ -50,6 +52,8 @@ STUDY = "convergence"
 STEPS = tuple(1 / (FRAME_RATE * 2**k) for k in range(7))
 """Native steps of every engine [s]."""
 BALANCED = "balanced"
+UNDIVIDED = ("contact_turn=0.5",)
+"""Settings with which the reference takes whole steps: the largest of the range."""
 ORDER, FLOOR, NEARER = "convergence.order", "convergence.floor", "convergence.nearer"
 NEAR = 1.02
 """Ratio of errors up to which two engines are equally near to the truth [1]."""
@@ -67,23 +71,40 @@ def scenes() -> tuple[str, ...]:
 
 
 def columns_of(engines: Iterable[str]) -> list[tuple[str, str]]:
-    """(engine, profile) of the study: the reference in two profiles, the others in their first."""
+    """(engine, profile) of the study: the reference in two profiles, of which one also takes whole steps, the
+    others in their first."""
+    ours = (BALANCED, ACCURATE, ACCURATE + WHOLE)
     return [
         (engine, profile)
         for engine in engines
-        for profile in ((BALANCED, ACCURATE) if engine == REFERENCE else (own_profile(engine),))
+        for profile in (ours if engine == REFERENCE else (own_profile(engine),))
     ]
+
+
+def _step(engine: str, profile: str) -> float:
+    """Own step of a column [s]."""
+    return own_step(engine, profile.removesuffix(WHOLE))
 
 
 def cells(names: Sequence[str], engines: Sequence[str]) -> list[Cell]:
     """All cells, scene by scene."""
     require_truths((catalogue()[name] for name in names), "truth")
     return [
-        Cell(name, *column, dt, effects=True, measure=MEASURE, source=SOURCE)
+        Cell(
+            name,
+            engine,
+            profile.removesuffix(WHOLE),
+            dt,
+            changes,
+            effects=True,
+            measure=MEASURE,
+            source=SOURCE,
+        )
         for name in names
-        for column in columns_of(engines)
+        for engine, profile in columns_of(engines)
+        for changes in [UNDIVIDED if profile.endswith(WHOLE) else ()]
         # all effects: at coarse steps bodies leave a plan's bounds
-        for dt in dict.fromkeys((*STEPS, own_step(*column)))
+        for dt in dict.fromkeys((*STEPS, _step(engine, profile)))
     ]
 
 
@@ -153,14 +174,15 @@ def findings(errors: pd.DataFrame) -> Iterator[Row]:
         ladder = scene[scene.dt.isin(STEPS)]
         for (engine, profile), part in ladder.groupby(["engine", "profile"], sort=False):
             names = str(scenario), str(engine), str(profile)
-            base = Row(STUDY, *names, own_step(*names[1:]), ORDER)
+            base = Row(STUDY, *names, _step(*names[1:]), ORDER)
             if len(part) < 2:
                 continue
             found = order_of(part.dt.to_list(), part.value.to_list())
             base = replace(base, unit="1", reason_code=found.kind)
             yield replace(base, value=found.value, low=found.low, high=found.high)
             yield replace(base, metric=FLOOR, value=found.floor, reason="still falls" if found.falls else "")
-        for ours, theirs in product(rows_of(ladder[ladder.engine == REFERENCE]), rows_of(ladder)):
+        first = ladder[(ladder.engine == REFERENCE) & (ladder.profile == BALANCED)]
+        for ours, theirs in product(rows_of(first), rows_of(ladder)):
             if theirs.dt == ours.dt and theirs.engine != REFERENCE and _nearer(theirs.value, ours.value):
                 numbers = f"{number(theirs.value)} beside {number(ours.value)} at {step_text(ours.dt)} s"
                 ratio = ours.value / max(theirs.value, EXACT)
@@ -182,6 +204,7 @@ NOTES = (
     f"{ABOVE:g} floors; unclear: its interval is wider than 4",
     "= exact at every step   flat: no such step   few: one or two such steps",
     "floor: error at the finest step; < it still falls there",
+    f"{WHOLE.strip()}: not divided where curved contacts turn far",
     "! nearer to the truth than the reference (balanced) at so many of the steps, by which factor at most",
 )
 UNCLEAR = 2.0
@@ -217,7 +240,7 @@ def report(frame: pd.DataFrame) -> list[Part]:
 
 def _lost(frame: pd.DataFrame, engine: str) -> pd.DataFrame:
     """Rows of the steps at which an engine is nearer to the truth than the reference's first profile."""
-    return frame[(frame.metric == NEARER) & (frame.subject == engine) & (frame.profile == BALANCED)]
+    return frame[(frame.metric == NEARER) & (frame.subject == engine)]
 
 
 def _cells(order: Row, scene: pd.DataFrame, lost: pd.DataFrame) -> list[str]:
@@ -277,15 +300,16 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
     """Draw errors over steps: large at the engine's own step, grey below EXACT."""
     errors = frame[frame.metric == ERROR]
     lines = list(dict.fromkeys(zip(errors.engine, errors.profile)))
-    own = [dt == own_step(*line) for *line, dt in errors[["engine", "profile", "dt"]].to_numpy().tolist()]
+    own = [dt == _step(*line) for *line, dt in errors[["engine", "profile", "dt"]].to_numpy().tolist()]
     names = errors.engine + " " + errors.profile
     errors = errors.assign(line=names, own=own, drawn=errors.value.clip(BOTTOM, TOP))
     colors, markers = ([look(engine) for engine, _ in lines] for look in (color_of, marker_of))
     looks = encoded(colors, markers, list(map(" ".join, lines)), "line")
-    dashes = {" ".join(line): DASHES if line[1] == ACCURATE else [1, 0] for line in lines}
+    patterns = {ACCURATE: DASHES, ACCURATE + WHOLE: DOTS}
+    dashes = {" ".join(line): patterns.get(line[1], [1, 0]) for line in lines}
     dash, scenes = by(alt.StrokeDash, "line", dashes, legend=None), list(dict.fromkeys(errors.scenario))
     panels = [_panel(errors[errors.scenario == scene], str(scene), looks, dash) for scene in scenes]
-    note = f"large: own step; dashed: {ACCURATE}; thin lines: slopes 1 and 2; grey area: exact"
+    note = f"large: own step; dashed: {ACCURATE}, dotted: in whole steps; thin: slopes 1, 2; grey: exact"
     save(grid(panels, ACROSS), path, "Error over the step", note)
 
 
