@@ -307,7 +307,8 @@ def draw(frame: pd.DataFrame, path: Path) -> None:
     looks = encoded(colors, markers, list(map(" ".join, lines)), "line")
     patterns = {ACCURATE: DASHES, ACCURATE + WHOLE: DOTS}
     dashes = {" ".join(line): patterns.get(line[1], [1, 0]) for line in lines}
-    dash, scenes = by(alt.StrokeDash, "line", dashes, legend=None), list(dict.fromkeys(errors.scenario))
+    dash = by(alt.StrokeDash, "line", dashes, legend=alt.Legend(symbolStrokeWidth=0))
+    scenes = list(dict.fromkeys(errors.scenario))
     panels = [_panel(errors[errors.scenario == scene], str(scene), looks, dash) for scene in scenes]
     note = f"large: own step; dashed: {ACCURATE}, dotted: in whole steps; thin: slopes 1, 2; grey: exact"
     save(grid(panels, ACROSS), path, "Error over the step", note)
