@@ -109,7 +109,7 @@ def test_all_faults_are_told_at_once(scene):
 
 
 def test_wrong_types_do_not_hide_wrong_values(scene):
-    """Types and values are told in one round, and nothing that follows from a wrong field alone."""
+    """Wrong types and wrong values are reported together, without what follows from a wrong field alone."""
     text = SOUND.replace("duration = 1.0", "duration = '1 s'").replace("mass = 0.2", "mass = '0.2 kg'")
     text = text.replace("restitution = 0.5, friction = 0.3", "restitution = '0.5', friction = 0.3")
     ball = SOUND[SOUND.index("[[bodies]]") :].replace('name = "ball"', 'name = "two"')
