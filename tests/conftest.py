@@ -40,6 +40,7 @@ from touchstone.reports.verdict.judge import judged, lost
 from touchstone.reports.verdict.rows import measured
 from touchstone.scenarios.avatar.avatar import Parts, avatar_parts, standing_tracker
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files import named
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import (
     Body,
@@ -268,12 +269,18 @@ def engines_of_this_test() -> Iterator[None]:
         del ENGINES[name]
 
 
+@pytest.fixture(autouse=True)
+def files_of_this_test(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forget the scene files that a test reads: commands of other tests name scenes."""
+    monkeypatch.setattr(named, "_FILES", {})
+
+
 @pytest.fixture(scope="session")
 def lab() -> SimpleNamespace:
     """The builders of this file."""
     builders = (piece, corners, measure, ball, block, ground, still, scene, person, build, play, counters)
-    named = {one.__name__: one for one in (*builders, motion, scene_piece)}
-    return SimpleNamespace(**named, frame=FRAME)
+    by_name = {one.__name__: one for one in (*builders, motion, scene_piece)}
+    return SimpleNamespace(**by_name, frame=FRAME)
 
 
 @cache
