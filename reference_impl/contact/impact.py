@@ -14,9 +14,7 @@ REFLECTION_ROUNDS, or a solve that stayed open, contacts that touch without appr
 from math import sqrt
 
 from touchstone.reference_impl.contact.contact_log import log_held, note_moment_work
-from touchstone.reference_impl.contact.island_impact import strike_together
-from touchstone.reference_impl.continuous.hinge_motion import meets_limit
-from touchstone.reference_impl.continuous.mechanism_motion import slow_joints
+from touchstone.reference_impl.contact.island_impact import stop_at_limits, strike_together
 from touchstone.reference_impl.core.conventions import APPROACH_MIN, NO_FLOOR
 from touchstone.reference_impl.core.counters import COUNT_OPEN_SOLVES
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
@@ -66,7 +64,7 @@ def resolve_impacts(world, count, time, h):
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, contacts, state = world.pairs, world.contacts, world.state
     v_rest, unsolved = rest_speed(state), state["counters"][COUNT_OPEN_SOLVES]
-    done = slowed = False
+    done = False
     for k in range(IMPULSE_CAP):
         failures = state["counters"][COUNT_OPEN_SOLVES] - unsolved
         if failures > REFLECTION_FAILURES:
@@ -75,45 +73,26 @@ def resolve_impacts(world, count, time, h):
         if not _find_impacts(bodies, pairs, count, v_rest, together, state):
             done = True
             break
-        if not slowed and slow_held(bodies, joints, drivers, state):
-            _find_impacts(bodies, pairs, count, v_rest, together, state)
-        slowed = True
         strike_together(bodies, joints, drivers, pairs, count, state)
         if state["moments"] == 1:
             note_moment_work(bodies, pairs, count, 1.0, state)
         log_held(bodies, pairs, count, contacts, state, time)
     k = _fastest_row(bodies, pairs, count, state)
     if k >= 0 and pairs[k]["key"] * h > SETTLE_DEPTH:
-        if not slowed:
-            slow_held(bodies, joints, drivers, state)
-        slowed = True
         for row in range(count):
             begin_row(bodies, pairs[row], -pairs[row]["speculative_speed"])
         state["settling"] = DENSE_SETTLE / h if state["dense_substep"] == 1 else 0.0
-        solve_contacts(bodies, joints, drivers, pairs, count, False, state)
+        if state["mechanisms"] == 1:
+            strike_together(bodies, joints, drivers, pairs, count, state)
+        else:
+            solve_contacts(bodies, joints, drivers, pairs, count, False, state)
         state["settling"] = 0.0
         if state["moments"] == 1:
             note_moment_work(bodies, pairs, count, 1.0, state)
         log_held(bodies, pairs, count, contacts, state, time)
     if state["mechanisms"] == 1:
-        # joints that have reached a limit stop there
-        for d in range(state["driven_count"], len(drivers)):
-            if not slowed and meets_limit(joints, drivers[d]):
-                slow_joints(bodies, joints, drivers[d])
-        solve_contacts(bodies, joints, drivers, pairs, 0, False, state)
+        stop_at_limits(bodies, joints, drivers, pairs, state)
     return done
-
-
-@kernel
-def slow_held(bodies, joints, drivers, state):
-    """`slow_joints` of all mechanisms, once before the impacts of an event: none of these raises the kinetic
-    energy in which the answers of held joints count as inertia, and it bounds that of the bodies. Returns
-    whether any joint was held."""
-    found = False
-    for d in range(state["driven_count"], len(drivers)):
-        slow_joints(bodies, joints, drivers[d])
-        found = found or drivers[d]["held"] == 1
-    return found
 
 
 @inlined_kernel

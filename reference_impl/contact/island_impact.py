@@ -6,17 +6,33 @@ sliding only adds to the loss. Sticking friction can gain energy, but not at e =
 
 The guard takes the impulses p0 at e = 0 and p1 at e, and moves from p1 towards p0 until T = 0:
 T(p0 + s (p1 - p0)) is a parabola in s. The impulses stay in the cones, which are convex.
+
+Held joints of mechanisms answer an impact by an inertia A that has no kinetic energy: if it changes their
+rates from r to r+, T falls by (r+.A r+ - r.A r) / 2. An impact that slows them could take energy from A, so
+at p0 the guard first lets A slow them, to (M + A)^-1 M r, and moves between both motions.
 """
 
 from math import sqrt
 
-from touchstone.reference_impl.continuous.mechanism_motion import note_rates, set_rates
+from touchstone.reference_impl.continuous.hinge_motion import meets_limit
+from touchstone.reference_impl.continuous.mechanism_motion import (
+    answered,
+    note_rates,
+    set_rates,
+    slow_joints,
+)
 from touchstone.reference_impl.core.conventions import ENERGY_ROUNDING
 from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector, dot
 from touchstone.reference_impl.solver.contact_solver import solve_island
-from touchstone.reference_impl.solver.islands import has_moment, is_head, join_islands, load_island
+from touchstone.reference_impl.solver.islands import (
+    has_moment,
+    is_head,
+    join_islands,
+    load_island,
+    load_limits,
+)
 from touchstone.reference_impl.solver.mobility import (
     apply_to_both,
     relative_turn,
@@ -35,22 +51,50 @@ def strike_together(bodies, joints, drivers, pairs, count, state):
     """
     join_islands(bodies, drivers, pairs, count, False)
     for k in range(count):
-        if not is_head(bodies, pairs, k):
-            continue
-        for d in range(state["driven_count"], len(drivers)):
-            note_rates(drivers[d], drivers[d]["start_rates"])
-        load_island(bodies, joints, drivers, pairs, k, state)
-        solve_island(bodies, joints, drivers, pairs, False, state)
-        gain, work = _energy_change(bodies, joints, drivers, pairs, k, state)
-        if gain > ENERGY_ROUNDING * work:
-            _guard(bodies, joints, drivers, pairs, k, gain, state)
-        state["counters"][COUNT_IMPULSES] += 1
+        if is_head(bodies, pairs, k):
+            _strike(bodies, joints, drivers, pairs, k, -1, state)
+            state["counters"][COUNT_IMPULSES] += 1
+
+
+@kernel
+def stop_at_limits(bodies, joints, drivers, pairs, state):
+    """Stop the mechanisms whose joints move into limits that they have reached."""
+    for d in range(state["driven_count"], len(drivers)):
+        if meets_limit(joints, drivers[d]):
+            _strike(bodies, joints, drivers, pairs, -1, d, state)
+
+
+@kernel
+def _strike(bodies, joints, drivers, pairs, head, alone, state):
+    """Apply impact impulses to an island: that of row `head`, or of the mechanism `alone` at its limits."""
+    for d in range(state["driven_count"], len(drivers)):
+        note_rates(drivers[d], drivers[d]["start_rates"])
+    gain, work = _solve(bodies, joints, drivers, pairs, head, alone, state)
+    for d in range(state["driven_count"], len(drivers)):
+        if drivers[d]["hinge_mover"] >= 0:
+            end, start = drivers[d]["rates"], drivers[d]["start_rates"]
+            gain -= answered(joints, drivers[d], end, end) / 2
+            gain += answered(joints, drivers[d], start, start) / 2
+    if gain > ENERGY_ROUNDING * work:
+        _guard(bodies, joints, drivers, pairs, head, alone, gain, state)
+
+
+@kernel
+def _solve(bodies, joints, drivers, pairs, head, alone, state):
+    """Solve the island of `_strike` from its present impulses, which are not applied; returns
+    `_energy_change`."""
+    if head >= 0:
+        load_island(bodies, joints, drivers, pairs, head, state)
+    else:
+        load_limits(joints, drivers, alone, state["solver"])
+    solve_island(bodies, joints, drivers, pairs, False, state)
+    return _energy_change(bodies, joints, drivers, pairs, head, state)
 
 
 @kernel
 def _energy_change(bodies, joints, drivers, pairs, head, state):
     """Change of kinetic energy by the impulses of an island, which the solver holds, and the sum of their
-    absolute work at v- [J]."""
+    absolute work at v- [J]. The answers of held joints count as inertia."""
     gain = work = 0.0
     v, k = state["velocity"], head
     while k >= 0:
@@ -69,9 +113,11 @@ def _energy_change(bodies, joints, drivers, pairs, head, state):
         row = state["solver"]["rows"][n]
         k = _limited_joint(bodies, joints, drivers, row)
         if k >= 0:
-            before = row["before"][0]
-            gain += row["impulse"][0] * (before + joints[k]["limited"] * joints[k]["rate"]) / 2
-            work += abs(row["impulse"][0] * before)
+            driver = drivers[bodies[joints[k]["child"]]["driver"]]
+            before = driver["start_rates"][joints[k]["coordinate"]]
+            force = row["impulse"][0] * joints[k]["limited"]
+            gain += force * (before + joints[k]["rate"]) / 2
+            work += abs(force * before)
     return gain, work
 
 
@@ -83,8 +129,9 @@ def _limited_joint(bodies, joints, drivers, row):
 
 
 @kernel
-def _guard(bodies, joints, drivers, pairs, head, gain, state):
-    """Interpolate an island's impulses towards those at e = 0 until the kinetic energy does not rise."""
+def _guard(bodies, joints, drivers, pairs, head, alone, gain, state):
+    """Interpolate an island's impulses towards those at e = 0, with slowed joints, until the kinetic energy
+    does not rise."""
     # limits have exerted impulses on mechanisms too
     for d in range(state["driven_count"], len(drivers)):
         note_rates(drivers[d], drivers[d]["gains"])
@@ -100,16 +147,22 @@ def _guard(bodies, joints, drivers, pairs, head, gain, state):
         copy_vector(pair["moment"], pair["spare_moment"])
         _add_impulse(bodies, joints, drivers, pair, -1.0, state)
         pair["resting_impulse"][:] = pair["moment"][:] = 0.0
-        pair["floor"] = 0.0
+        pair["floor"] = min(pair["floor"], 0.0)
         k = pair["next_row"]
     for d in range(state["driven_count"], len(drivers)):
         set_rates(bodies, joints, drivers[d], drivers[d]["start_rates"], drivers[d]["start_rates"], 0.0)
-    load_island(bodies, joints, drivers, pairs, head, state)
-    solve_island(bodies, joints, drivers, pairs, False, state)
-    for d in range(state["driven_count"], len(drivers)):
-        note_rates(drivers[d], drivers[d]["path_gains"])
-    start, _ = _energy_change(bodies, joints, drivers, pairs, head, state)
+        if drivers[d]["hinge_mover"] >= 0:
+            slow_joints(bodies, joints, drivers[d])
+    start, _ = _solve(bodies, joints, drivers, pairs, head, alone, state)
     slope = 0.0
+    for d in range(state["driven_count"], len(drivers)):
+        driver = drivers[d]
+        note_rates(driver, driver["path_gains"])
+        if driver["hinge_mover"] >= 0:
+            before, rates = driver["start_rates"], driver["path_gains"]
+            lost, kept = answered(joints, driver, before, rates), answered(joints, driver, rates, rates)
+            start -= (lost + kept) / 2
+            slope += lost + kept - answered(joints, driver, rates, driver["gains"])
     for n in range(state["solver"]["row_count"]):
         k = _limited_joint(bodies, joints, drivers, rows[n])
         if k >= 0:

@@ -129,8 +129,8 @@ def weigh_for_impact(bodies, joints, driver, h):
 
 @kernel
 def slow_joints(bodies, joints, driver):
-    """Slow the held joints by their answers to their own rates, before an impact: it then takes no energy
-    from what holds them."""
+    """Slow the held joints by their answers to their own rates: an impact then takes no energy from what
+    holds them."""
     if driver["held"] == 0:
         return
     x = driver["hinge_response"]
@@ -141,6 +141,17 @@ def slow_joints(bodies, joints, driver):
             x[c] = -joints[k]["answer"] * driver["rates"][c]
     answer_impulses(driver, x)
     take_gains(bodies, joints, driver)
+
+
+@kernel
+def answered(joints, driver, one, two):
+    """Product of two vectors of rates with the answers of held joints [J]."""
+    total = 0.0
+    if driver["held"] == 1:
+        for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+            for c in range(joints[k]["coordinate"], joints[k]["coordinate"] + joints[k]["width"]):
+                total += joints[k]["answer"] * one[c] * two[c]
+    return total
 
 
 @kernel
