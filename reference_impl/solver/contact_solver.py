@@ -376,7 +376,8 @@ def _iterate(solver, state):
         # from the present impulses; from none; and with all contacts as stiff as the stiffest
         for attempt in range(0 if dense else 1, 3):
             # any load that solves the island
-            solver["face_count"] = 0 if attempt > 0 else solver["face_count"]
+            if attempt > 0:
+                solver["face_count"] = solver["even_count"] = 0
             if attempt < 2:
                 take_best(solver)
                 interior(solver, attempt == 1, state)
