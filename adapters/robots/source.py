@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass
+from math import pi
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -45,6 +46,9 @@ FILES = {"mesh": "meshdir", "texture": "texturedir", "hfield": "", "skin": ""}
 """MJCF elements that name a file, and the compiler's attribute with its folder."""
 
 
+QUARTER_DECIMALS = 4
+"""Decimals from which an angle that is quarter turns as far as it is written stands for them: a cylinder that
+leans against its axle by 4e-6 rad wobbles, and on a rigid floor runs on one rim at a time."""
 DEEPEST_INCLUDE = 20
 """Files that include each other, beyond which MuJoCo says what is wrong."""
 
@@ -109,6 +113,7 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
     if faults:
         raise RobotError("\n".join(faults))
     fuse_inertia(root)
+    _turn_exactly(root)
 
     def load() -> Any:
         spec = mujoco.MjSpec.from_string(root.text())
@@ -119,6 +124,21 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
         return spec
 
     return load
+
+
+def _turn_exactly(root: Element) -> None:
+    """Turn collision shapes by exact quarter turns where their angles are these as far as written."""
+    for collision in (one for one in root.walk() if one.tag == "collision"):
+        for origin in (one for one in collision.children if "rpy" in one.attributes):
+            words = origin.attributes["rpy"].split()
+            origin.attributes["rpy"] = " ".join(map(_exact_angle, words))
+
+
+def _exact_angle(word: str) -> str:
+    """The quarter turns that an angle stands for, rounded or cut off, or the angle as it is written."""
+    decimals, quarters = len(word.partition(".")[2]), round(float(word) * 2 / pi) * pi / 2
+    near = abs(float(word) - quarters) < 10.0**-decimals
+    return repr(quarters) if near and decimals >= QUARTER_DECIMALS else word
 
 
 def _converted(mesh: Element, file: Path, scratch: Path) -> Path:

@@ -61,6 +61,19 @@ def test_a_shape_without_inertial_has_no_mass(load):
     assert masses == {"a": 1.0, "b": 1.0}
 
 
+@pytest.mark.parametrize(
+    ("written", "angle"),
+    [("1.5707963", np.pi / 2), ("-1.5708", -np.pi / 2), ("3.1415", np.pi), ("1.57", 1.57), ("1.5706", 1.5706)],
+)
+def test_a_written_quarter_turn_of_a_shape_is_exact(load, written, angle):
+    """As far as it is written: what turns by 1.57 leans by 8e-4 rad, as the file says."""
+    turned = SHAPE.replace("<geometry>", f'<origin rpy="{written} 0 0"/><geometry>')
+    found = load(robot(link("a").replace(SHAPE, turned), link("b"), joint("j", "a", "b"))).scenario
+    w, x, *others = found.bodies[found.body_index("a")].pieces[0].orientation
+    assert 2 * np.arctan2(x, w) == pytest.approx(angle, abs=4e-16)
+    assert others == [0, 0]
+
+
 def test_an_inertia_of_no_body_counts_in_what_it_is_fixed_to(load, tmp_path):
     """A sensor that turns about one axis alone, on a turned mount: their sum is what pinocchio has."""
     bent = INERTIAL.replace('ixx="0.01"', 'ixx="0.1"')
