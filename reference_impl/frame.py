@@ -242,6 +242,8 @@ def _simulate(world):
                 enter_loop(bodies, joints, drivers[d], state["dt"])
                 state["driven_loop"] = 1
                 state["led_loop"] = max(state["led_loop"], drivers[d]["leads"])
+                coupled = drivers[d]["leads"] - drivers[d]["prescribed"]
+                state["coupled_loop"] = max(state["coupled_loop"], coupled)
     # a crowded frame mostly follows another: do not try event by event again
     state["calm_events"] = state["curved"] = state["halvings"] = 0
     state["rows"] = state["event_rows"] if state["dense_frame"] == 1 else 0
@@ -309,7 +311,7 @@ def _simulate(world):
         state["dropped_time"] = left
         state["counters"][COUNT_GAVE_UP] += 1
     place_listed(bodies, pieces, vertices, SIMULATED, state)
-    state["driven_loop"] = state["led_loop"] = 0
+    state["driven_loop"] = state["led_loop"] = state["coupled_loop"] = 0
     for d in range(state["driven_count"]):
         if drivers[d]["loops"] == 1:
             leave_loop(bodies, joints, drivers[d], state["dt"])

@@ -16,8 +16,8 @@ from touchstone.reference_impl.solver.islands import has_moment
 from touchstone.reference_impl.solver.mobility import carry_turn, final_velocity, relative_turn
 
 SLIDE_MIN = 1e-4
-"""Sliding speed from which the end of sliding is an event [m/s]: below it, the position error is some 1e-7
-m."""
+"""Sliding speed from which the end of sliding is an event [m/s], except on prescribed bodies, which start and
+stop it again and again: below it, the position error is some 1e-7 m."""
 STOP_ERROR = 1e-11
 """Error in the position of a sliding contact below which its stop within a substep is no event [m]."""
 SLIP_MIN = 1e-9
@@ -47,6 +47,13 @@ def first_return(bodies, pairs, count, state):
             if now < -left:
                 first = min(first, 2 * left / (left - now))
     return first
+
+
+@inlined_kernel
+def is_carried(state):
+    """Whether prescribed bodies are in the simulated loop, and no driver on a coupling, whose force is even
+    over a substep of any length: contacts on them slide by a known motion."""
+    return state["led_loop"] == 1 and state["coupled_loop"] == 0
 
 
 @kernel
@@ -140,7 +147,9 @@ def _stop(bodies, pairs, k, h, state):
             rows += 1
             p, limit = p - along_slip(pair, held) / slip, limit + pair["friction"] * j
         k = pair["next_point"]
-    if fastest <= SLIDE_MIN or limit == 0:
+    # what rolls slides by the error of its prediction
+    exact = is_carried(state) and pairs[first]["curved"] != 1
+    if fastest <= (SLIP_MIN if exact else SLIDE_MIN) or limit == 0:
         return NEVER
     if not (turns or last <= SLIP_MIN * SLIP_MIN):
         return u / (u - end) if end < u else NEVER
@@ -148,8 +157,8 @@ def _stop(bodies, pairs, k, h, state):
         time = u - f + (f - end) * limit / p
     else:
         time = u - end + rows * (limit - p) * _inverse_mass(bodies, pairs[first])
-    # the contact solve handles a stop within the first 1 / EVENT_CAP of the substep
-    if time <= 0 or time >= EVENT_CAP * u:
+    # elsewhere the contact solve handles a stop within the first 1 / EVENT_CAP of the substep
+    if time <= 0 or (not exact and time >= EVENT_CAP * u):
         return 1.0
     share = min(1.0, u / time)
     return share if fastest * h * (1 - share) > STOP_ERROR else 1.0

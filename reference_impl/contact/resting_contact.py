@@ -8,6 +8,7 @@ from touchstone.reference_impl.contact.contact_events import (
     first_change,
     first_onset,
     first_stop,
+    is_carried,
     note_free_slip,
     slip_turn,
     slip_turn_share,
@@ -132,7 +133,7 @@ def solve_resting_contacts(world, count, time, h):
         unconverged = state["counters"][COUNT_UNCONVERGED]
         state["last_time"] = last_time
         h = whole = _solve_velocities(world, count, h)
-        carried = _is_carried(world, count)
+        carried = _follows_slip(count, state)
         if carried or (state["statics"] == 1 and state["dense_substep"] == 0):
             h = _end_at_onset(world, count, h)
         if carried:
@@ -291,7 +292,7 @@ def _solve_velocities(world, count, h):
         share = first_stop(bodies, pairs, count, h, state) if converged else NEVER
         if state["dense_substep"] == 0:
             exact = bias_share(bodies, world.pieces, pairs, count, h, state)
-            if _is_carried(world, count):
+            if _follows_slip(count, state):
                 turned = slip_turn_share(bodies, pairs, count, state)
                 exact = min(exact, curved_share(turned, h, state))
             if state["led_loop"] == 1 and state["led"] == 1:
@@ -359,21 +360,10 @@ def _solve_with_grips(world, count, h):
     return _solve_together(world, count, h)
 
 
-@kernel
-def _is_carried(world, count):
-    """Whether sliding on prescribed bodies is followed within the substep: its turn, and its onset.
-
-    The force of a coupled driver is constant over a substep of any length: it shows neither.
-    """
-    state, found = world.state, False
-    if state["led_loop"] == 0 or state["dense_substep"] == 1 or count > CURVED_ROWS:
-        return False
-    for d in range(len(world.drivers)):
-        if world.drivers[d]["loops"] == 1 and world.drivers[d]["leads"] == 1:
-            if world.drivers[d]["prescribed"] == 0:
-                return False
-            found = True
-    return found
+@inlined_kernel
+def _follows_slip(count, state):
+    """Whether sliding on prescribed bodies is followed within the substep: its turn, and its onset."""
+    return is_carried(state) and state["dense_substep"] == 0 and count <= CURVED_ROWS
 
 
 @kernel

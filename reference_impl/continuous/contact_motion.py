@@ -128,7 +128,7 @@ def move_to_middle(bodies, pieces, pair, h):
 def end_error(h, state):
     """Error at the end of a substep of length h [s] that is not corrected [m]; under a coupling that of the
     gap that its law leaves."""
-    return GAP_LEFT / 10 if state["led_loop"] == 1 else max(END_RATE * h**4, END_ROUNDING)
+    return GAP_LEFT / 10 if state["coupled_loop"] == 1 else max(END_RATE * h**4, END_ROUNDING)
 
 
 @kernel

@@ -57,6 +57,7 @@ STATE = record(
     settling="f8",  # residual left to the substep by a solve before it [m/s]; 0 in other solves
     driven_loop="i8",  # 1: drivers move in the simulated loop now
     led_loop="i8",  # 1: one of them leads contacts by the law of positions
+    coupled_loop="i8",  # 1: one of those that lead is on a coupling
     curved="i8",  # 1: a row of the substep is curved
     may_halve="i8",  # 1: a contact that agrees at the end of a substep alone, and sinks there, may halve it
     halves="i8",  # 1: one does
