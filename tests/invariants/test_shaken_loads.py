@@ -116,16 +116,28 @@ def test_loads_slip_and_stick_as_integrated(kind: str, seed: int) -> None:
     assert error(kind, seed, 60) < FARTHEST[kind]
 
 
+def errors(name: str, profile: str, rates: tuple[int, ...]) -> tuple[Scenario, list[float]]:
+    """A scene, and the largest distance of its load from its truth at each frame rate [m]."""
+    scene, found = catalogue()[name], []
+    for rate in rates:
+        seen = record(load("reference"), replace(scene, frame_rate=rate), Settings(profile, 1 / rate))
+        context = Context(seen, scene)
+        ((body, truth),) = context.truths.items()
+        found.append(float(np.linalg.norm(context.mass_centers[:, body] - truth.position, axis=1).max()))
+    return scene, found
+
+
 @pytest.mark.parametrize("profile", PROFILES)
 def test_stick_and_slip_are_events(profile: str) -> None:
     """The load begins to slide and stops within frames: 1e-3 of its slip at 1/60 s, of second order."""
-    scene = catalogue()["shaker_stick_slip"]
-    errors = []
-    for rate in (30, 60, 120):
-        found = record(load("reference"), replace(scene, frame_rate=rate), Settings(profile, 1 / rate))
-        context = Context(found, scene)
-        ((body, truth),) = context.truths.items()
-        errors.append(np.linalg.norm(context.mass_centers[:, body] - truth.position, axis=1).max())
-    slip = scene.published[0].value
-    assert errors[1] < 1e-3 * slip
-    assert errors[2] < errors[0] / 14
+    scene, (coarse, usual, fine) = errors("shaker_stick_slip", profile, (30, 60, 120))
+    assert usual < 1e-3 * scene.published[0].value
+    assert fine < coarse / 14
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_slip_that_reverses_at_once_is_an_event(profile: str) -> None:
+    """Across the slope the shaker stops and reverses the slip, sometimes at the very start of a substep."""
+    _, (usual, fine) = errors("shaker_across", profile, (60, 120))
+    assert usual < 1e-5
+    assert fine < 1e-9
