@@ -17,6 +17,7 @@ from touchstone.reference_impl.core.counters import COUNT_FACTORS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
 from touchstone.reference_impl.solver.contact_rows import (
+    accepted,
     changed_velocity,
     into_cone,
     keep_best,
@@ -49,7 +50,6 @@ from touchstone.reference_impl.solver.tolerances import (
     NEWTON_ALLOWANCE,
     NEWTON_INNER,
     NEWTON_MOST,
-    RESIDUAL_ACCEPTED,
 )
 
 RESIDUAL_ROUNDING = 1e-14
@@ -124,7 +124,7 @@ def newton(solver, evenly, patient, most, state):
             return
         if residual > RESIDUAL_FALL * last:
             stalled += 1
-            if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
+            if stalled >= NEWTON_STALLS and solver["best_residual"] <= accepted(solver):
                 return
             least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
             compliance = max(least, compliance * COMPLIANCE_FALL)

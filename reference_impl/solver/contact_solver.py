@@ -47,6 +47,7 @@ from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import (
+    accepted,
     changed_velocity,
     into_cone,
     keep_best,
@@ -166,10 +167,10 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
         solve_loaded(solver, state)
     if state["moving_surfaces"] == 1 and _is_jammed(solver, pairs):
         _sweep_from_zero(solver, state)
-    residual, accepted = solver["best_residual"], _accepted(solver)
+    residual, most = solver["best_residual"], accepted(solver)
     state["counters"][COUNT_SOLVES] += 1
-    state["counters"][COUNT_OPEN_SOLVES] += residual > max(RESIDUAL_OPEN, accepted)
-    state["counters"][COUNT_UNCONVERGED] += residual > accepted
+    state["counters"][COUNT_OPEN_SOLVES] += residual > max(RESIDUAL_OPEN, most)
+    state["counters"][COUNT_UNCONVERGED] += residual > most
     if residual > RESIDUAL_ACCEPTED:
         make_passive(solver)
     if state["separates"] == 0 and residual > max(state["residual"], state["settling"]):
@@ -183,7 +184,7 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
             joint = joints[-2 - own]
             state["residual_body_a"], state["residual_body_b"] = joint["parent"], joint["child"]
     store_island(bodies, joints, drivers, pairs, state)
-    return residual <= accepted
+    return residual <= most
 
 
 @kernel
@@ -204,15 +205,9 @@ def _return_to_start(solver):
 
 
 @inlined_kernel
-def _accepted(solver):
-    """Residual at which a solve counts as converged [m/s]."""
-    return max(RESIDUAL_ACCEPTED, solver["target"])
-
-
-@inlined_kernel
 def _is_accepted(solver):
     """Whether the best impulses have converged."""
-    return solver["best_residual"] <= _accepted(solver)
+    return solver["best_residual"] <= accepted(solver)
 
 
 @kernel
