@@ -50,6 +50,7 @@ from touchstone.reference_impl.solver.tolerances import (
     NEWTON_ALLOWANCE,
     NEWTON_INNER,
     NEWTON_MOST,
+    RESIDUAL_ACCEPTED,
 )
 
 RESIDUAL_ROUNDING = 1e-14
@@ -68,6 +69,8 @@ INNER_SHARE = 1e-2
 """Change of velocity over the residual, times the compliance, at which an outer iteration ends [1]."""
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged solution is accepted."""
+FLAT = 0.9
+"""Fraction of the residual that outer iterations leave where contacts do not agree any better [1]."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
 """Least decrease of g.M^-1 g over that of a full Newton step [1], and most halvings of the step."""
 
@@ -87,7 +90,7 @@ def newton(solver, evenly, patient, most, state):
     rows, count, work = solver["rows"], solver["row_count"], solver["work"]
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
-    last, stalled, heaviest = solver["best_residual"], 0, 0.0
+    last, stalled, flat, heaviest = solver["best_residual"], 0, 0, 0.0
     for k in range(count):
         heaviest = max(heaviest, rows[k]["mass"])
     compliance = min(COMPLIANCE_FIRST, sqrt(last))
@@ -124,7 +127,9 @@ def newton(solver, evenly, patient, most, state):
             return
         if residual > RESIDUAL_FALL * last:
             stalled += 1
-            if stalled >= NEWTON_STALLS and solver["best_residual"] <= accepted(solver):
+            flat = flat + 1 if residual > FLAT * last else 0
+            close = RESIDUAL_ACCEPTED if flat < NEWTON_STALLS else accepted(solver)
+            if stalled >= NEWTON_STALLS and solver["best_residual"] <= close:
                 return
             least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
             compliance = max(least, compliance * COMPLIANCE_FALL)
