@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, pi, radians, sin, sqrt
+from math import cos, hypot, pi, radians, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -168,6 +168,37 @@ def wheel_motor() -> Scenario:
         2.0,
         coefficients=even("rubber", mu=mu),
         truths=(Truth("chassis", "arcs", (slips, even_one)),),
+    )
+
+
+@scene
+def skid_steer() -> Scenario:
+    """Motors drive the balls of one side against those of the other: a vehicle turns on the spot.
+
+    Balls at (x, y) slip along and across their way. The moments of both forces cancel, so of f = mu m g / 4
+    they get F = f x / sqrt(x^2 + y^2) along it, and slip in that direction: a ball spins at s = rate - F r /
+    damping, and the vehicle turns at s r y / (x^2 + y^2).
+    """
+    x, y, radius, rate, damping, mu = 0.15, 0.15, 0.1, 5.0, 0.5, 0.8
+    along = mu * WHOLE * GRAVITY / 4 * x / hypot(x, y)
+    spin = rate - along * radius / damping
+    turn = spin * radius * y / (x * x + y * y)
+    place, turns = (0.0, 0.0, radius), (0.0, 0.0, turn)
+    bodies, joints = [block("chassis", "rubber", (0.2, 0.04, 0.03), CHASSIS, place, spin=turns)], []
+    for k, (front, left) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+        name, at = f"ball_{k + 1}", (front * x, left * y, radius)
+        way, turned = (-turn * left * y, turn * front * x, 0.0), (0.0, -left * spin, turn)
+        bodies.append(ball(name, "rubber", radius, WHEEL_MASS, at, way, turned))
+        motor = {"damping": damping, "target_rate": -left * rate}
+        joints.append(BodyJoint(name, "hinge", "chassis", name, at, ACROSS, **motor))
+    return mechanism(
+        "skid_steer",
+        "a vehicle turns on the spot by motors of both sides",
+        [slab("floor", "rubber"), *bodies],
+        joints,
+        2.0,
+        coefficients=even("rubber", mu=mu),
+        truths=(Truth("chassis", "arcs", (Arc(0.0, place, angular_velocity=turns),)),),
     )
 
 
