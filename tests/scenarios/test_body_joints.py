@@ -227,6 +227,24 @@ def test_a_cart_keeps_its_energy_down_a_slope() -> None:
     assert gained == pytest.approx(lost, rel=1e-12)
 
 
+def test_forces_on_a_vehicle_that_turns_on_the_spot_balance() -> None:
+    """Friction against the slip of each ball takes its motor's torque, and has no force or moment in sum."""
+    scene = catalogue()["skid_steer"]
+    bodies, limit = {body.name: body for body in scene.bodies}, scene.coefficients[0].friction
+    weight = sum(body.mass for body in scene.bodies) * GRAVITY / 4
+    force, moment = np.zeros(3), 0.0
+    for joint in scene.body_joints:
+        one = bodies[joint.child]
+        down = np.array((0.0, 0.0, -one.pieces[0].shape.radius))
+        slip = np.add(one.linear_velocity, np.cross(one.angular_velocity, down))
+        pull = -limit * weight * slip / np.linalg.norm(slip)
+        motor = joint.damping * (joint.target_rate - one.angular_velocity[1])
+        assert motor == pytest.approx(-np.cross(down, pull)[1], rel=1e-12)
+        force, moment = force + pull, moment + np.cross(one.position, pull)[2]
+    assert np.abs(force).max() < 1e-14
+    assert abs(moment) < 1e-14
+
+
 def test_a_ladder_leaves_its_wall_where_the_wall_would_pull() -> None:
     """Integrate the angle until the acceleration away from the wall ends."""
     scene, half = catalogue()["ladder"], LADDER[1]

@@ -63,7 +63,13 @@ def test_a_shape_without_inertial_has_no_mass(load):
 
 @pytest.mark.parametrize(
     ("written", "angle"),
-    [("1.5707963", np.pi / 2), ("-1.5708", -np.pi / 2), ("3.1415", np.pi), ("1.57", 1.57), ("1.5706", 1.5706)],
+    [
+        ("1.5707963", np.pi / 2),
+        ("-1.5708", -np.pi / 2),
+        ("3.1415", np.pi),
+        ("1.57", 1.57),
+        ("1.5706", 1.5706),
+    ],
 )
 def test_a_written_quarter_turn_of_a_shape_is_exact(load, written, angle):
     """As far as it is written: what turns by 1.57 leans by 8e-4 rad, as the file says."""
