@@ -189,8 +189,10 @@ def skid_steer() -> Scenario:
         name, at = f"ball_{k + 1}", (front * x, left * y, radius)
         way, turned = (-turn * left * y, turn * front * x, 0.0), (0.0, -left * spin, turn)
         bodies.append(ball(name, "rubber", radius, WHEEL_MASS, at, way, turned))
-        motor = {"damping": damping, "target_rate": -left * rate}
-        joints.append(BodyJoint(name, "hinge", "chassis", name, at, ACROSS, **motor))
+        motor = BodyJoint(
+            name, "hinge", "chassis", name, at, ACROSS, damping=damping, target_rate=-left * rate
+        )
+        joints.append(motor)
     return mechanism(
         "skid_steer",
         "a vehicle turns on the spot by motors of both sides",
