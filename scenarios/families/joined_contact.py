@@ -179,12 +179,12 @@ def skid_steer() -> Scenario:
     they get F = f x / sqrt(x^2 + y^2) along it, and slip in that direction: a ball spins at s = rate - F r /
     damping, and the vehicle turns at s r y / (x^2 + y^2).
     """
-    x, y, radius, rate, damping, mu = 0.15, 0.15, 0.1, 5.0, 0.5, 0.8
+    x, y, radius, rate, damping, mu = 0.3, 0.3, 0.05, 10.0, 0.5, 0.5
     along = mu * WHOLE * GRAVITY / 4 * x / hypot(x, y)
     spin = rate - along * radius / damping
     turn = spin * radius * y / (x * x + y * y)
     place, turns = (0.0, 0.0, radius), (0.0, 0.0, turn)
-    bodies, joints = [block("chassis", "rubber", (0.2, 0.04, 0.03), CHASSIS, place, spin=turns)], []
+    bodies, joints = [block("chassis", "rubber", (0.3, 0.2, 0.02), CHASSIS, place, spin=turns)], []
     for k, (front, left) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
         name, at = f"ball_{k + 1}", (front * x, left * y, radius)
         way, turned = (-turn * left * y, turn * front * x, 0.0), (0.0, -left * spin, turn)
