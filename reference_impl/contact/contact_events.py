@@ -16,8 +16,8 @@ from touchstone.reference_impl.solver.islands import has_moment
 from touchstone.reference_impl.solver.mobility import carry_turn, final_velocity, relative_turn
 
 SLIDE_MIN = 1e-4
-"""Sliding speed from which the end of sliding is an event [m/s], except on prescribed bodies, which start and
-stop it again and again: below it, the position error is some 1e-7 m."""
+"""Sliding speed from which the end of sliding is an event [m/s]: below it, the position error is some 1e-7 m.
+On prescribed bodies, which start and stop it again and again, it is one from SLIP_MIN on."""
 STOP_ERROR = 1e-11
 """Error in the position of a sliding contact below which its stop within a substep is no event [m]."""
 SLIP_MIN = 1e-9

@@ -83,6 +83,7 @@ def resolve_impacts(world, count, time, h):
             begin_row(bodies, pairs[row], -pairs[row]["speculative_speed"])
         state["settling"] = DENSE_SETTLE / h if state["dense_substep"] == 1 else 0.0
         if state["mechanisms"] == 1:
+            # held joints could give energy to these, too
             strike_together(bodies, joints, drivers, pairs, count, state)
         else:
             solve_contacts(bodies, joints, drivers, pairs, count, False, state)

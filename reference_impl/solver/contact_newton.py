@@ -70,7 +70,7 @@ INNER_SHARE = 1e-2
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged solution is accepted."""
 FLAT = 0.9
-"""Fraction of the residual that outer iterations leave where contacts do not agree any better [1]."""
+"""Fraction of the residual that an outer iteration without progress leaves [1]."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
 """Least decrease of g.M^-1 g over that of a full Newton step [1], and most halvings of the step."""
 

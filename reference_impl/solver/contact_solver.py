@@ -167,10 +167,10 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
         solve_loaded(solver, state)
     if state["moving_surfaces"] == 1 and _is_jammed(solver, pairs):
         _sweep_from_zero(solver, state)
-    residual, most = solver["best_residual"], accepted(solver)
+    residual, limit = solver["best_residual"], accepted(solver)
     state["counters"][COUNT_SOLVES] += 1
-    state["counters"][COUNT_OPEN_SOLVES] += residual > max(RESIDUAL_OPEN, most)
-    state["counters"][COUNT_UNCONVERGED] += residual > most
+    state["counters"][COUNT_OPEN_SOLVES] += residual > max(RESIDUAL_OPEN, limit)
+    state["counters"][COUNT_UNCONVERGED] += residual > limit
     if residual > RESIDUAL_ACCEPTED:
         make_passive(solver)
     if state["separates"] == 0 and residual > max(state["residual"], state["settling"]):
@@ -184,7 +184,7 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
             joint = joints[-2 - own]
             state["residual_body_a"], state["residual_body_b"] = joint["parent"], joint["child"]
     store_island(bodies, joints, drivers, pairs, state)
-    return residual <= most
+    return residual <= limit
 
 
 @kernel

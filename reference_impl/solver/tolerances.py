@@ -6,7 +6,8 @@ converged [m/s]: bodies sink by that times a frame. The way from the second to t
 the factorisations."""
 RESIDUAL_JOINED = 5e-8
 """Residual at which the solve of an island with a mechanism counts as converged, where Newton's method comes
-no closer [m/s]: joints leave its contacts fewer motions than these have, whose predictions differ by that."""
+no closer [m/s]: its contacts may be more than the degrees of freedom that joints leave, and their predicted
+velocities differ by that."""
 ROUNDING = 2.0**-52
 """Relative spacing of doubles [1]: an impulse p hides velocities below that times p / m of its row."""
 RESIDUAL_OPEN = 1e-7

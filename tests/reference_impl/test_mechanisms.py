@@ -576,9 +576,9 @@ def test_a_cart_drives_as_fast_as_its_motors_push_its_caster(lean: float, error:
     assert driven.dropped == 0
 
 
-def test_wheels_that_turn_on_their_lines_are_solved() -> None:
-    """Four ends of lines and a caster are more contacts than a cart has motions: their predicted velocities
-    differ by 1e-8 m/s. Where one side is slower, all slip in directions of their own."""
+def test_line_contacts_of_wheels_that_turn_are_solved() -> None:
+    """Four ends of line contacts and a caster are more than the degrees of freedom of a cart: their predicted
+    velocities differ by 1e-8 m/s. Where one side is slower, all slip in directions of their own."""
     turns, pace = replace(cart(0.0, 0.6, left=5.0), duration=3.0), []
     for rate in (60, 240):
         driven = record(load("reference"), turns, Settings("balanced", 1 / rate))
