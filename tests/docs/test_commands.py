@@ -67,6 +67,7 @@ NOT_RUN = {
     "touchstone nightly --store nights ": "half an hour; its --quick is run",
     "touchstone accept last": "needs two nights; tests/reports/nightly",
     "touchstone study stability [": "an hour; its --quick is run",
+    "touchstone study ablation [": "an hour; tests/reports/studies",
     "touchstone tune SCENE": "all options; README's line is run",
     "touchstone soak": "plays as long as it is asked to; tests/reports/studies",
 }
