@@ -86,7 +86,7 @@ def resolve_impacts(world, count, time, h):
             # held joints could give energy to these, too
             strike_together(bodies, joints, drivers, pairs, count, state)
         else:
-            solve_contacts(bodies, joints, drivers, pairs, count, False, state)
+            solve_contacts(bodies, joints, drivers, pairs, count, 0.0, state)
         state["settling"] = 0.0
         if state["moments"] == 1:
             note_moment_work(bodies, pairs, count, 1.0, state)

@@ -84,10 +84,10 @@ def _solve(bodies, joints, drivers, pairs, head, alone, state):
     """Solve the island of `_strike` from its present impulses, which are not applied; returns
     `_energy_change`."""
     if head >= 0:
-        load_island(bodies, joints, drivers, pairs, head, state)
+        load_island(bodies, joints, drivers, pairs, head, 0.0, state)
     else:
         load_limits(joints, drivers, alone, state["solver"])
-    solve_island(bodies, joints, drivers, pairs, False, state)
+    solve_island(bodies, joints, drivers, pairs, 0.0, state)
     return _energy_change(bodies, joints, drivers, pairs, head, state)
 
 

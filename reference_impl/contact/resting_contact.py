@@ -105,6 +105,7 @@ CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
 FOLLOWED = 1e-6
 """Change of the motion of mechanisms in the last correction above which the substep is halved [m]."""
+FIRST_SLACK, SLACK = 1e-7, 1e-8
 CURVED_ROWS = 64
 """Most rows of a substep whose curved contacts are corrected: a heap is too chaotic for the time that this
 takes."""
@@ -241,7 +242,8 @@ def _correct_velocities(world, count, h):
     add_changes(bodies, world.pairs, count, False)
     _forget_residual(state)
     state["lead"] = VELOCITY_LEAD
-    solve_contacts(bodies, joints, drivers, world.pairs, count, True, state)
+    state["slack"] = SLACK
+    solve_contacts(bodies, joints, drivers, world.pairs, count, h, state)
     state["lead"] = 0.0
     _note_forces(world, h)
     _accept_pushes(world, h)
@@ -533,7 +535,8 @@ def _solve_together(world, count, h):
                 pairs[k]["last_force"][i] = pairs[k]["resting_impulse"][i] / h
     _forget_residual(state)
     state["lead"] = VELOCITY_LEAD
-    converged = solve_contacts(bodies, world.joints, world.drivers, pairs, count, True, state)
+    state["slack"] = FIRST_SLACK
+    converged = solve_contacts(bodies, world.joints, world.drivers, pairs, count, h, state)
     state["lead"] = 0.0
     _note_forces(world, h)
     _accept_pushes(world, h)
@@ -604,8 +607,8 @@ def _solve_positions(world, count, h, again):
                 copy_vector(pairs[k]["moment"], pairs[k]["spare_moment"])
             _ask_positions(bodies, drivers, pairs[k], h, state)
             exchange_geometry(pairs[k])
-        state["lead"] = 1.0
-        solve_contacts(bodies, joints, drivers, pairs, count, True, state)
+        state["lead"], state["slack"] = 1.0, SLACK if again else FIRST_SLACK
+        solve_contacts(bodies, joints, drivers, pairs, count, h, state)
         state["lead"] = 0.0
         if state["dense_substep"] == 1 and _is_coupled(drivers):
             _move_by_positions(world, count)

@@ -209,7 +209,7 @@ def _turn_apart(world, first, end, left):
         pair["surface_a"][:] = pair["surface_b"][:] = NO_MOTION
         begin_row(bodies, pair, pair["depth"] - left if _is_own(bodies, pair) else NO_FLOOR)
     state["separates"] = 1
-    solve_contacts(bodies, joints, drivers, rows, count, False, state)
+    solve_contacts(bodies, joints, drivers, rows, count, 0.0, state)
     state["separates"] = 0
     for d in range(state["driven_count"]):
         driver = drivers[d]
@@ -280,7 +280,7 @@ def _move_together(world, first, end, left, most):
         pair["surface_a"][:] = pair["surface_b"][:] = NO_MOTION
         begin_row(bodies, pair, -pair["distance"] - left)
     state["separates"] = 1
-    solve_contacts(bodies, world.joints, world.drivers, rows, count, False, state)
+    solve_contacts(bodies, world.joints, world.drivers, rows, count, 0.0, state)
     state["separates"] = 0
     near = True
     for k in range(len(bodies)):

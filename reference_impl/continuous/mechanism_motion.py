@@ -228,6 +228,8 @@ def follow_forces(bodies, joints, driver, h):
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         mass += bodies[joints[k]["child"]]["mass"]
     _pose_middle(bodies, joints, driver)
+    if driver["has_path"] == 1:
+        _follow_path(bodies, joints, driver, h)
     _show_end(bodies, joints, driver)
     add_velocities(bodies, joints, driver, driver["gains"])
     return h * sqrt(energy / mass)
@@ -257,10 +259,16 @@ def _show_end(bodies, joints, driver):
     columns."""
     _return(driver)
     show_rates(joints, driver)
+    _set_velocities(bodies, joints, driver, driver["end_rates"])
+    pose_bodies(bodies, joints, driver, driver["positions"])
+
+
+@kernel
+def _set_velocities(bodies, joints, driver, rates):
+    """Set the velocities of a mechanism's bodies to those at some `rates`, at the poses of its columns."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         bodies[joints[k]["child"]]["velocity"][:] = bodies[joints[k]["child"]]["omega"][:] = 0.0
-    add_velocities(bodies, joints, driver, driver["end_rates"])
-    pose_bodies(bodies, joints, driver, driver["positions"])
+    add_velocities(bodies, joints, driver, rates)
 
 
 @kernel
@@ -325,17 +333,39 @@ def _answer_known(driver, h, lead):
 def _set_leads(bodies, joints, driver, h):
     """Set `lead_*` of a mechanism's bodies: at the poses of its columns, twice the mean of the rates over a
     substep of length h without impulses, less those at its end."""
-    x, rates = driver["force"], driver["end_rates"]
-    find_way(bodies, joints, driver, driver["start_positions"], driver["end_positions"], x)
+    x = driver["force"]
+    _find_twice_mean(bodies, joints, driver, h, x)
     for i in range(driver["hinge_count"]):
-        x[i] = 2 * x[i] / h - driver["known_path"][i] - rates[i]
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        bodies[joints[k]["child"]]["velocity"][:] = bodies[joints[k]["child"]]["omega"][:] = 0.0
-    add_velocities(bodies, joints, driver, x)
+        x[i] -= driver["end_rates"][i]
+    _set_velocities(bodies, joints, driver, x)
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         body = bodies[joints[k]["child"]]
         copy_vector(body["velocity"], body["lead_velocity"])
         copy_vector(body["omega"], body["lead_omega"])
+
+
+@kernel
+def _follow_path(bodies, joints, driver, h):
+    """Set `path_*` of a mechanism's bodies to the motion under the known forces and the rest of those of the
+    law of positions, over a substep of length h."""
+    x = driver["force"]
+    _find_twice_mean(bodies, joints, driver, h, x)
+    for i in range(driver["hinge_count"]):
+        x[i] += driver["path_gains"][i]
+    _set_velocities(bodies, joints, driver, x)
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        body = bodies[joints[k]["child"]]
+        for i in range(3):
+            body["path_velocity"][i] = body["velocity"][i] - body["old_velocity"][i]
+            body["path_omega"][i] = body["omega"][i] - body["old_omega"][i]
+
+
+@kernel
+def _find_twice_mean(bodies, joints, driver, h, out_rates):
+    """Twice the mean of the rates over a substep of length h, without impulses that are not known."""
+    find_way(bodies, joints, driver, driver["start_positions"], driver["end_positions"], out_rates)
+    for i in range(driver["hinge_count"]):
+        out_rates[i] = 2 * out_rates[i] / h - driver["known_path"][i]
 
 
 @kernel

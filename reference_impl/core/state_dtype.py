@@ -62,6 +62,7 @@ STATE = record(
     may_halve="i8",  # 1: a contact that agrees at the end of a substep alone, and sinks there, may halve it
     halves="i8",  # 1: one does
     led="i8",  # 1: islands obey the law of positions
+    slack="f8",  # gap left to contacts on mechanisms at the end of a substep, where no load changes it [m]
     lead="f8",  # of the law that the rows of drivers ask (`driver_motion`) [1]; 0 in impacts
     separates="i8",  # 1 while separation solves for the least motion
     mechanisms="i8",  # 1: joints connect bodies

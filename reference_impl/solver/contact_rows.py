@@ -123,6 +123,21 @@ def into_cone(row):
 
 
 @kernel
+def normal_load(row):
+    """Normal impulse of a row [N s]."""
+    p, n = row["impulse"], row["normal"]
+    return p[0] * n[0] + p[1] * n[1] + p[2] * n[2]
+
+
+@kernel
+def normal_speed(row, solver):
+    """Velocity of a row along its normal [m/s]."""
+    n, f = row["normal"], row["free"]
+    x, y, z = changed_velocity(row, solver)
+    return n[0] * (x + f[0]) + n[1] * (y + f[1]) + n[2] * (z + f[2])
+
+
+@kernel
 def residual_of(solver):
     """Largest violation of Coulomb's law over all rows [m/s], and its row.
 

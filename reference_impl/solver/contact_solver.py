@@ -60,7 +60,7 @@ from touchstone.reference_impl.solver.contact_rows import (
     take_best,
 )
 from touchstone.reference_impl.solver.envelope import lay_out
-from touchstone.reference_impl.solver.face_load import even_out, even_stuck, find_faces
+from touchstone.reference_impl.solver.face_load import even_out, find_faces, take_any_load
 from touchstone.reference_impl.solver.islands import (
     has_moment,
     is_head,
@@ -69,6 +69,7 @@ from touchstone.reference_impl.solver.islands import (
     load_limits,
     store_island,
 )
+from touchstone.reference_impl.solver.joined_load import even_stuck
 from touchstone.reference_impl.solver.mobility import relative_turn, surface_velocities
 from touchstone.reference_impl.solver.moment_rows import into_bounds, solve_moment
 from touchstone.reference_impl.solver.tolerances import (
@@ -117,13 +118,13 @@ def begin_row(bodies, pair, floor):
 
 
 @kernel
-def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
+def solve_contacts(bodies, joints, drivers, pairs, count, h, state):
     """Solve for each `resting_impulse` of the rows `pairs[:count]`; apply the solution.
 
     The present impulses, which have not been applied, are the warm start.
 
     Args:
-        lasting: the impulses act evenly over a substep (resting contact), not at one instant (impact).
+        h: time over which the impulses act evenly (resting contact) [s], or 0 for one instant (impact).
     Returns:
         Whether every island converged.
     """
@@ -136,19 +137,19 @@ def solve_contacts(bodies, joints, drivers, pairs, count, lasting, state):
             pairs[k]["resting_impulse"][:] = 0.0
             pairs[k]["moment"][:] = 0.0
         elif is_head(bodies, pairs, k):
-            load_island(bodies, joints, drivers, pairs, k, state)
-            converged = solve_island(bodies, joints, drivers, pairs, lasting, state) and converged
+            load_island(bodies, joints, drivers, pairs, k, h, state)
+            converged = solve_island(bodies, joints, drivers, pairs, h, state) and converged
     for d in range(len(drivers)):
         driver = drivers[d]
-        alone = driver["loops"] == 1 and driver["is_solved"] == 0 and (lasting or driver["mechanism"] == 1)
+        alone = driver["loops"] == 1 and driver["is_solved"] == 0 and (h > 0 or driver["mechanism"] == 1)
         if alone and has_limits(joints, driver):
             load_limits(joints, drivers, d, state["solver"])
-            converged = solve_island(bodies, joints, drivers, pairs, lasting, state) and converged
+            converged = solve_island(bodies, joints, drivers, pairs, h, state) and converged
     return converged
 
 
 @kernel
-def solve_island(bodies, joints, drivers, pairs, lasting, state):
+def solve_island(bodies, joints, drivers, pairs, h, state):
     """Solve the loaded island; returns whether it converged, and counts failures."""
     solver = state["solver"]
     rows = solver["rows"]
@@ -162,7 +163,7 @@ def solve_island(bodies, joints, drivers, pairs, lasting, state):
         _stop_rebound(solver)
         solve_loaded(solver, state)
     # where a driver moves, another solve sets the motion, and so the work
-    if lasting and solver["led"] == 0 and pushes_along(solver):
+    if h > 0 and solver["led"] == 0 and pushes_along(solver):
         reverse_slip(solver)
         solve_loaded(solver, state)
     if state["moving_surfaces"] == 1 and _is_jammed(solver, pairs):
@@ -223,7 +224,8 @@ def _rebounds(solver):
 def _stop_rebound(solver):
     """Lower all rebound speeds to 0, and return to the warm start."""
     for k in range(solver["row_count"]):
-        solver["rows"][k]["floor"] = min(0.0, solver["rows"][k]["floor"])
+        row = solver["rows"][k]
+        row["floor"], row["asked"] = min(0.0, row["floor"]), min(0.0, row["asked"])
     _return_to_start(solver)
 
 
@@ -294,12 +296,12 @@ def solve_loaded(solver, state):
             least = max(STEADY_SHARE * RESIDUAL_TARGET, STEADY_ROUNDINGS * _rounding(solver))
             solver["target"] = min(RESIDUAL_TARGET, least)
     if not residual <= solver["target"]:
-        if solver["even_count"] > 0 and _is_unloaded(solver):
+        if solver["evens"] == 1 and _is_unloaded(solver):
             _load_evenly(solver, state)
         _iterate(solver, state)
         take_best(solver)
     # where friction sticks, corners keep the loads that they had when it began to
-    solved = solver["even_count"] > 0 and solver["best_residual"] <= solver["target"]
+    solved = solver["evens"] == 1 and solver["best_residual"] <= solver["target"]
     if solved and even_stuck(solver):
         _into_cones(solver)
         rebuild(solver)
@@ -372,7 +374,7 @@ def _iterate(solver, state):
         for attempt in range(0 if dense else 1, 3):
             # any load that solves the island
             if attempt > 0:
-                solver["face_count"] = solver["even_count"] = 0
+                take_any_load(solver)
             if attempt < 2:
                 take_best(solver)
                 interior(solver, attempt == 1, state)

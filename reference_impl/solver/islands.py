@@ -104,7 +104,7 @@ def island_of(bodies, m):
 
 
 @inlined_kernel
-def load_island(bodies, joints, drivers, pairs, head, state):
+def load_island(bodies, joints, drivers, pairs, head, h, state):
     """Copy the rows and movers of an island to the solver; no `resting_impulse` has been applied yet."""
     solver = state["solver"]
     rows = solver["rows"]
@@ -119,6 +119,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
         drivers[d]["hinge_mover"] = -1
     solver["row_count"] = solver["mover_count"] = solver["link_count"] = solver["led"] = 0
     solver["joined"] = solver["moment_count"] = 0
+    solver["slack"] = 2 * state["slack"] / h if h > 0 else 0.0
     k = head
     while k >= 0:
         pair, own = pairs[k], k
@@ -131,7 +132,7 @@ def load_island(bodies, joints, drivers, pairs, head, state):
         row = rows[n]
         solver["row_count"] = n + 1
         row["pair"], pair["solver_row"] = own, n
-        row["friction"], row["floor"] = pair["friction"], pair["floor"]
+        row["friction"], row["floor"], row["asked"] = pair["friction"], pair["floor"], pair["floor"]
         row["a"] = _load_mover(bodies, drivers, pair["body_a"], pair["lever_a"], solver, row["r_a"])
         row["b"] = _load_mover(bodies, drivers, pair["body_b"], pair["lever_b"], solver, row["r_b"])
         row["link_a"] = _load_link(bodies, joints, drivers, pair["body_a"], solver)

@@ -10,6 +10,9 @@ no closer [m/s]: its contacts may be more than the degrees of freedom that joint
 velocities differ by that."""
 ROUNDING = 2.0**-52
 """Relative spacing of doubles [1]: an impulse p hides velocities below that times p / m of its row."""
+EVEN_ROUNDINGS = 64
+"""Deviation from the most even load, in roundings of the whole load, that stays: what rests is not moved
+[1]."""
 RESIDUAL_OPEN = 1e-7
 """Residual from which a contact solve counts as open [m/s]: bodies sink by 2e-9 m a frame."""
 NEWTON_INNER, NEWTON_FACTORS = 15, 150
