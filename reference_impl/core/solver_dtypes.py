@@ -29,6 +29,7 @@ ROW = record(
     r_b=VECTOR,
     normal=VECTOR,
     friction="f8",
+    kept_friction="f8",  # while a solve leaves it out
     asked="f8",  # floor before what no load changes is left out of it [m/s]
     floor="f8",  # least speed along the normal after the solve [m/s]
     mobility=MATRIX,  # W: change of velocity of B relative to A per impulse on B [1/kg]

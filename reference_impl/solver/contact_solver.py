@@ -215,7 +215,7 @@ def _is_accepted(solver):
 def _rebounds(solver):
     """Whether a row has a rebound speed."""
     for k in range(solver["row_count"]):
-        if solver["rows"][k]["floor"] > 0:
+        if solver["rows"][k]["asked"] > 0:
             return True
     return False
 
@@ -327,14 +327,13 @@ def _is_unloaded(solver):
 def _load_evenly(solver, state):
     """Start from the most even loads without friction: where joints hold a body against turning, friction on
     any loads obeys Coulomb's law, also on those of the first corners that a sweep visits."""
-    rows, kept = solver["rows"], solver["stick_load"]
-    for k in range(solver["even_count"]):
-        row = rows[solver["even_rows"][k]]
-        kept[k], row["friction"] = row["friction"], 0.0
+    rows = solver["rows"]
+    for k in range(solver["row_count"]):
+        rows[k]["kept_friction"], rows[k]["friction"] = rows[k]["friction"], 0.0
     _sweep(solver, state, EVEN_SWEEPS)
     even_out(solver)
-    for k in range(solver["even_count"]):
-        rows[solver["even_rows"][k]]["friction"] = kept[k]
+    for k in range(solver["row_count"]):
+        rows[k]["friction"] = rows[k]["kept_friction"]
     solver["best_residual"] = inf
     residual, _ = residual_of(solver)
     keep_best(solver, residual)

@@ -289,7 +289,7 @@ def _load_limits(joints, driver, solver):
         row["normal"][0] = 1.0
         row["before"][0] = joint["limited"] * (joint["old_rate"] if lasting else joint["rate"])
         row["free"][0] = joint["limit_free"] if lasting else joint["limited"] * joint["rate"]
-        row["floor"] = joint["limit_floor"] if lasting else 0.0
+        row["floor"] = row["asked"] = joint["limit_floor"] if lasting else 0.0
         row["impulse"][0] = joint["limit_impulse"] if lasting else 0.0
         row["mobility"][:] = 0.0
         add_link_mobility(solver, row, row["mobility"])
