@@ -105,8 +105,8 @@ CORRECTIONS, LARGEST_ERROR = 4, 1e-8
 """Most corrections of curved contacts in a substep, and error after them above which it is halved [m]."""
 FOLLOWED = 1e-6
 """Change of the motion of mechanisms in the last correction above which the substep is halved [m]."""
-FIRST_SLACK, SLACK = 1e-7, 1e-8
-"""Gap that contacts on mechanisms may leave at the end of a substep, where no load changes it, before its
+FIRST_SLACK, SLACK = 1e-6, 1e-8
+"""Gap that contacts on mechanisms may leave at the end of a substep where no load changes it, before its
 corrections and in them [m]."""
 CURVED_ROWS = 64
 """Most rows of a substep whose curved contacts are corrected: a heap is too chaotic for the time that this

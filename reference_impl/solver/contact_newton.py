@@ -17,7 +17,6 @@ from touchstone.reference_impl.core.counters import COUNT_FACTORS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
 from touchstone.reference_impl.solver.contact_rows import (
-    accepted,
     changed_velocity,
     into_cone,
     keep_best,
@@ -69,8 +68,6 @@ INNER_SHARE = 1e-2
 """Change of velocity over the residual, times the compliance, at which an outer iteration ends [1]."""
 NEWTON_STALLS = 4
 """Outer iterations with little progress after which a converged solution is accepted."""
-FLAT = 0.9
-"""Fraction of the residual that an outer iteration without progress leaves [1]."""
 LINE_SHARE, LINE_HALVES = 0.1, 10
 """Least decrease of g.M^-1 g over that of a full Newton step [1], and most halvings of the step."""
 
@@ -90,7 +87,7 @@ def newton(solver, evenly, patient, most, state):
     rows, count, work = solver["rows"], solver["row_count"], solver["work"]
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
-    last, stalled, flat, heaviest = solver["best_residual"], 0, 0, 0.0
+    last, stalled, heaviest = solver["best_residual"], 0, 0.0
     for k in range(count):
         heaviest = max(heaviest, rows[k]["mass"])
     compliance = min(COMPLIANCE_FIRST, sqrt(last))
@@ -127,9 +124,7 @@ def newton(solver, evenly, patient, most, state):
             return
         if residual > RESIDUAL_FALL * last:
             stalled += 1
-            flat = flat + 1 if residual > FLAT * last else 0
-            close = RESIDUAL_ACCEPTED if flat < NEWTON_STALLS else accepted(solver)
-            if stalled >= NEWTON_STALLS and solver["best_residual"] <= close:
+            if stalled >= NEWTON_STALLS and solver["best_residual"] <= RESIDUAL_ACCEPTED:
                 return
             least = min(COMPLIANCE_LAST, max(COMPLIANCE_LEAST, COMPLIANCE_ROUNDING / residual))
             compliance = max(least, compliance * COMPLIANCE_FALL)

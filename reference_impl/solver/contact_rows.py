@@ -17,12 +17,7 @@ from touchstone.reference_impl.solver.moment_rows import (
     push_moments,
     worst_moment,
 )
-from touchstone.reference_impl.solver.tolerances import (
-    RESIDUAL_ACCEPTED,
-    RESIDUAL_JOINED,
-    RESIDUAL_OPEN,
-    ROUNDING,
-)
+from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED, RESIDUAL_OPEN, ROUNDING
 
 SLIDE_STEPS = 40
 """Iterations for the friction of one sliding row; up to 5 are usual."""
@@ -32,12 +27,6 @@ which one step of Newton's method makes it so [1]."""
 SPEED_LEAST, SLIDE_MOST = 1e-100, 1e100
 """Slowest approach that gets an impulse [m/s], and largest ratio of the sliding velocity to friction for
 which friction is computed [1/kg]: their squares neither underflow nor overflow."""
-
-
-@inlined_kernel
-def accepted(solver):
-    """Residual at which a solve counts as converged [m/s]."""
-    return max(RESIDUAL_JOINED if solver["joined"] == 1 else RESIDUAL_ACCEPTED, solver["target"])
 
 
 @kernel

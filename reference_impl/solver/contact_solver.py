@@ -47,7 +47,6 @@ from touchstone.reference_impl.core.rotation import copy_vector
 from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import (
-    accepted,
     changed_velocity,
     into_cone,
     keep_best,
@@ -168,7 +167,7 @@ def solve_island(bodies, joints, drivers, pairs, h, state):
         solve_loaded(solver, state)
     if state["moving_surfaces"] == 1 and _is_jammed(solver, pairs):
         _sweep_from_zero(solver, state)
-    residual, limit = solver["best_residual"], accepted(solver)
+    residual, limit = solver["best_residual"], _accepted(solver)
     state["counters"][COUNT_SOLVES] += 1
     state["counters"][COUNT_OPEN_SOLVES] += residual > max(RESIDUAL_OPEN, limit)
     state["counters"][COUNT_UNCONVERGED] += residual > limit
@@ -206,9 +205,15 @@ def _return_to_start(solver):
 
 
 @inlined_kernel
+def _accepted(solver):
+    """Residual at which a solve counts as converged [m/s]."""
+    return max(RESIDUAL_ACCEPTED, solver["target"])
+
+
+@inlined_kernel
 def _is_accepted(solver):
     """Whether the best impulses have converged."""
-    return solver["best_residual"] <= accepted(solver)
+    return solver["best_residual"] <= _accepted(solver)
 
 
 @kernel

@@ -4,10 +4,6 @@ RESIDUAL_TARGET, RESIDUAL_DENSE, RESIDUAL_ACCEPTED = 4e-13, 9e-10, 1e-9
 """Residual at which a contact solve ends, at which it ends in a dense substep, and at which it counts as
 converged [m/s]: bodies sink by that times a frame. The way from the second to the first takes up to half of
 the factorisations."""
-RESIDUAL_JOINED = 5e-8
-"""Residual at which the solve of an island with a mechanism counts as converged, where Newton's method comes
-no closer [m/s]: its contacts may be more than the degrees of freedom that joints leave, and their predicted
-velocities differ by that."""
 ROUNDING = 2.0**-52
 """Relative spacing of doubles [1]: an impulse p hides velocities below that times p / m of its row."""
 EVEN_ROUNDINGS = 64
