@@ -14,10 +14,18 @@ from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import Row
 from touchstone.reports.verdict.failings import known
-from touchstone.scenarios.catalogue import tagged
+from touchstone.scenarios.catalogue import catalogue, tagged
 
 PROBES = [scenario.name for scenario in tagged("probe")]
 SEEDED = [scenario.name for scenario in tagged("seeded")]
+HEAPED = 60
+"""Bodies from which a scene takes 5 s and more: slow tests play it."""
+BESIDE = [
+    pytest.param(name, marks=pytest.mark.slow if len(scene.bodies) >= HEAPED else ())
+    for name, scene in catalogue().items()
+    if name not in PROBES + SEEDED
+]
+"""Scenes that are no probes."""
 LAWS = (
     "momentum.linear",
     "momentum.angular",
@@ -96,6 +104,19 @@ def broken(rows):
 def test_no_limit_is_broken(broken, engine, profile, scene):
     """Under each of its profiles an engine meets every limit of a probe, or fails as it is known to."""
     assert broken(engine, profile, scene) == []
+
+
+@pytest.mark.parametrize("scene", BESIDE)
+def test_the_reference_meets_limits_elsewhere(broken, scene):
+    """The reference meets every limit of the other scenes, or fails as it is known to."""
+    assert broken("reference", "balanced", scene) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", BESIDE)
+def test_the_accurate_profile_meets_limits_elsewhere(broken, scene):
+    """So does its profile `accurate`."""
+    assert broken("reference", "accurate", scene) == []
 
 
 @pytest.mark.slow

@@ -181,11 +181,12 @@ def friction_direction(context: Context) -> Values:
 
 
 def _sliding(context: Context) -> dict[str, NDArray[np.int64]]:
-    """Rows that press and slide before and after, of pairs with friction; links have their root's name."""
+    """Rows that press and slide before and after, of pairs with friction; links have their root's name. What
+    slides back after has stopped in between, or rolls: its material passes the point of contact at rest."""
     normal, _ = context.impulses
-    before = np.linalg.norm(context.slip("before"), axis=1)
-    after = np.linalg.norm(context.slip("after"), axis=1)
-    sliding = np.minimum(before, after) > SLIDING_SPEED
+    before, after = context.slip("before"), context.slip("after")
+    sliding = np.minimum(np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)) > SLIDING_SPEED
+    sliding &= np.einsum("ij,ij->i", before, after) > 0
     sliding &= (normal > context.least_impulse) & (context.friction > 0)
     pairs: dict[str, list[tuple[int, int]]] = {}
     for pair in context.pair_rows:

@@ -223,6 +223,7 @@ def test_deficit_and_direction_in_closed_form(recordings, known, resting):
         sliding(0.5 * NOISE, 0.0, 1.0),  # too weak
         sliding(5.0, 0.0, 1.0, velocity_b_after=(0.01, 0.0, 0.0)),  # caught within the step
         sliding(2.0, 0.3, 1.0, velocity_a_before=(1.0, 0.0, 0.0)),  # no slip before: both move
+        sliding(5.0, 0.1, 1.0, velocity_b_after=(-1.0, 0.0, 0.1)),  # rolls past, or slides back
     )
     recording = recordings.recording(resting, DT, contacts=rows)
     deficit = known.value("friction.deficit", recording, resting)
