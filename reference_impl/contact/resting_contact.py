@@ -67,7 +67,7 @@ from touchstone.reference_impl.core.conventions import (
 )
 from touchstone.reference_impl.core.counters import CAP_HOLD_ROUNDS, COUNT_UNCONVERGED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_vector, cross, dot
+from touchstone.reference_impl.core.rotation import copy_vector, cross
 from touchstone.reference_impl.geometry.shapes import place_piece
 from touchstone.reference_impl.solver.contact_solver import begin_row, solve_contacts
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
@@ -85,9 +85,6 @@ STOP_SHARE, STOP_SHORT = 1 - 1e-9, 1 - 1e-6
 earlier one that the substep takes [1]: exactly there, on the cone without sliding, sweeps converge slowly."""
 STOP_LATER = 1.0001
 """Ratio of the time to a stop and a shortened substep from which the substep is solved again, longer [1]."""
-JAMMED, INSTANT = 0.5, 1e-6
-"""Exponent of the fall of impulses with the substep below which a stop is an impact, and share of the substep
-in which that one is solved [1]: forces fall as the substep does, exponent 1, impacts do not."""
 ONSET_ROUNDS, ONSET_SHARE = 5, 0.01
 """Most attempts at a substep for the onset of sliding in it, and its share to which that is found [1]: the
 error of a speed is its square."""
@@ -283,7 +280,7 @@ def _solve_velocities(world, count, h):
     """Apply forces over a substep and solve the law of velocities; returns the length of
     `solve_resting_contacts`."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
-    most, extended, instant, last_load, last_h = h, False, False, 0.0, h
+    most, extended = h, False
     for k in range(RESTING_CONTACT_ROUNDS):
         turn_share = _prepare_resting_contacts(world, count, h)
         if turn_share < 1:
@@ -313,9 +310,7 @@ def _solve_velocities(world, count, h):
         if k >= DRIVEN_ROUNDS and share < 1 and state["led_loop"] == 1 and state["led"] == 1:
             share = min(share, 0.5)
         later = min(most, STOP_SHORT * share * h)
-        load = _normal_load(pairs, count)
-        jammed = share < STOP_SHARE and h < last_h and load > last_load * (h / last_h) ** JAMMED
-        if share >= STOP_SHARE or instant:
+        if share >= STOP_SHARE:
             # other contacts brake as well: the stop was predicted too early, so solve up to it once more
             if extended or later < STOP_LATER * h:
                 if state["statics"] == 1 and converged and regain_grips(bodies, pairs, count, state):
@@ -328,18 +323,8 @@ def _solve_velocities(world, count, h):
             break
         start_again(world, count)
         forget_grips(pairs, count)
-        last_load, last_h, instant = load, h, jammed
-        h = INSTANT * h if jammed else later
+        h = later
     return h
-
-
-@kernel
-def _normal_load(pairs, count):
-    """Sum of the normal impulses of the rows `pairs[:count]` [N s]."""
-    load = 0.0
-    for k in range(count):
-        load += dot(pairs[k]["normal"], pairs[k]["resting_impulse"])
-    return load
 
 
 @kernel
