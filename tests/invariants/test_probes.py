@@ -21,7 +21,8 @@ SEEDED = [scenario.name for scenario in tagged("seeded")]
 HEAPED = 60
 """Bodies from which a scene takes 5 s and more: slow tests play it."""
 BESIDE = [
-    pytest.param(name, marks=pytest.mark.slow if len(scene.bodies) >= HEAPED else ())
+    # slow tests play mechanisms too, whose closed forms have tests of their own
+    pytest.param(name, marks=pytest.mark.slow if scene.body_joints or len(scene.bodies) >= HEAPED else ())
     for name, scene in catalogue().items()
     if name not in PROBES + SEEDED
 ]

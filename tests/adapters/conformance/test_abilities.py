@@ -73,7 +73,9 @@ def test_an_engine_refuses_what_it_lacks(name, tmp_path):
             (name, ("recommended",))
             for name in ("dart", "bullet", "mujoco", "mujoco_warp", "physx", "rapier")
         ),
-        *(("newton", ("xpbd", "steel")), ("reference", ("balanced",))),
+        # half a minute
+        pytest.param("newton", ("xpbd", "steel"), marks=pytest.mark.slow),
+        ("reference", ("balanced",)),
     ],
 )
 def test_columns_play_nine_tenths_of_the_undriven_probes(name, profiles, tmp_path):
