@@ -40,8 +40,7 @@ def even_joined(solver):
         x[k] = -normal_load(rows[solver["even_rows"][k]])
         most = max(most, -x[k])
     # the part that moves nothing, reversed
-    for _ in range(2):
-        _without(solver["even_basis"], solver["even_rank"], n, x)
+    _without(solver["even_basis"], solver["even_rank"], n, x)
     share, largest = 1.0, 0.0
     for k in range(n):
         load = normal_load(rows[solver["even_rows"][k]])
@@ -73,8 +72,7 @@ def even_stuck(solver):
         x[3 * k] = -dot(p, row["normal"])
         x[3 * k + 1], x[3 * k + 2] = -dot(p, row["across_1"]), -dot(p, row["across_2"])
         most = max(most, -x[3 * k])
-    for _ in range(2):
-        _without(solver["stick_basis"], rank, 3 * n, x)
+    _without(solver["stick_basis"], rank, 3 * n, x)
     share = 1.0
     for _ in range(STUCK_HALVINGS):
         inside = True
@@ -135,8 +133,7 @@ def _leave_gaps(solver):
     for k in range(n):
         row = rows[solver["even_rows"][k]]
         x[k] = normal_speed(row, solver) - row["asked"]
-    for _ in range(2):
-        _without(solver["even_basis"], solver["even_rank"], n, x)
+    _without(solver["even_basis"], solver["even_rank"], n, x)
     for k in range(n):
         rows[solver["even_rows"][k]]["floor"] += max(-most, min(x[k], most))
 
@@ -152,7 +149,7 @@ def drop_joined(solver):
 @kernel
 def _find_basis(solver, width, x, out_basis):
     """Orthonormal basis of the normal impulses (`width` 1) or of all impulses (3) that move anything, by Gram
-    and Schmidt over the coordinates of the movers, twice; returns its rank. x is scratch."""
+    and Schmidt over the coordinates of the movers; returns its rank. x is scratch."""
     rows, n, rank, largest = solver["rows"], width * solver["even_count"], 0, 0.0
     for k in range(solver["even_count"]):
         largest = max(largest, 1 / rows[solver["even_rows"][k]]["mass"])
@@ -166,8 +163,7 @@ def _find_basis(solver, width, x, out_basis):
                     # what sticks is loaded
                     loaded = width == 1 or normal_load(row) > 0
                     x[width * k + i] = _along(solver, row, m, c, i) if loaded else 0.0
-            for _ in range(2):
-                _without(out_basis, rank, n, x)
+            _without(out_basis, rank, n, x)
             left = 0.0
             for k in range(n):
                 left += x[k] * x[k]
@@ -181,13 +177,14 @@ def _find_basis(solver, width, x, out_basis):
 
 @kernel
 def _without(basis, rank, n, x):
-    """Remove from x its part along the first vectors of a basis."""
-    for j in range(rank):
-        along = 0.0
-        for k in range(n):
-            along += basis[j, k] * x[k]
-        for k in range(n):
-            x[k] -= along * basis[j, k]
+    """Remove from x its part along the first vectors of a basis; twice, as rounding leaves some of it."""
+    for _ in range(2):
+        for j in range(rank):
+            along = 0.0
+            for k in range(n):
+                along += basis[j, k] * x[k]
+            for k in range(n):
+                x[k] -= along * basis[j, k]
 
 
 @kernel
