@@ -11,7 +11,7 @@ from math import acos, sqrt
 from touchstone.reference_impl.continuous.contact_kinematics import is_round
 from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR, RELEASED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import dot
+from touchstone.reference_impl.core.rotation import cross, dot, plus, rotate, vector_of
 from touchstone.reference_impl.solver.islands import has_moment
 from touchstone.reference_impl.solver.mobility import carry_turn, final_velocity, relative_turn
 
@@ -29,6 +29,8 @@ SLIP_STRAIGHT = 1e-6
 """Turn below which friction need not oppose the mean of both directions [rad]: some roundings."""
 ONSET_SOUGHT = 0.5
 """Share of a substep over which a contact that slides in it is solved again, to find its onset [1]."""
+AT_ONCE = 0.0
+"""Share of a substep after which a contact that jams stops [1]."""
 CONE_CLOSE = 1e-6
 """Share of its square by which the friction of a contact that sticks is below its limit [1]."""
 
@@ -71,14 +73,14 @@ def note_free_slip(bodies, pairs, count, state):
 
 
 @inlined_kernel
-def first_stop(bodies, pairs, count, h, state):
+def first_stop(bodies, pairs, count, h, jams, state):
     """Fraction of the substep at which the first sliding contact stops or reverses; over 1 if the first stops
-    later, by its present braking."""
+    later, by its present braking; AT_ONCE, if `jams`, of what no force lets slide on."""
     first = NEVER
     if state["dense_substep"] == 0:
         for k in range(count):
             if pairs[k]["manifold"] < 0 or pairs[k]["manifold"] == k:
-                first = min(first, _stop(bodies, pairs, k, h, state))
+                first = min(first, _stop(bodies, pairs, k, h, jams, state))
                 if has_moment(pairs[k]):
                     first = min(first, _turn_stop(bodies, pairs, k, h, state))
     return first
@@ -120,7 +122,7 @@ def _turn_stop(bodies, pairs, k, h, state):
 
 
 @inlined_kernel
-def _stop(bodies, pairs, k, h, state):
+def _stop(bodies, pairs, k, h, jams, state):
     """`first_stop` of one manifold as a whole, or of one row without a manifold.
 
     Along the initial sliding direction, the speed u becomes f without friction and u' with the friction p.
@@ -145,6 +147,7 @@ def _stop(bodies, pairs, k, h, state):
             turns = turns or along < -SLIP_MIN
             u, f, end = u + slip, f + pair["free_slip"], end + along
             rows += 1
+            jams = jams and _jams(bodies, pair)
             p, limit = p - along_slip(pair, held) / slip, limit + pair["friction"] * j
         k = pair["next_point"]
     # what rolls slides by the error of its prediction
@@ -153,6 +156,8 @@ def _stop(bodies, pairs, k, h, state):
         return NEVER
     if not (turns or last <= SLIP_MIN * SLIP_MIN):
         return u / (u - end) if end < u else NEVER
+    if jams:
+        return AT_ONCE
     if p > 0:
         time = u - f + (f - end) * limit / p
     else:
@@ -162,6 +167,24 @@ def _stop(bodies, pairs, k, h, state):
         return 1.0
     share = min(1.0, u / time)
     return share if fastest * h * (1 - share) > STOP_ERROR else 1.0
+
+
+@kernel
+def _jams(bodies, pair):
+    """Whether pressing two free bodies together, with the friction of their sliding, does not push them apart:
+    no finite force then lets them slide on (Painleve)."""
+    n, slip, mu, apart = vector_of(pair["normal"]), _slip(pair), pair["friction"], 0.0
+    pressing = plus(n, -mu / slip, before_across(pair))
+    for side in range(2):
+        body = bodies[pair["body_b"] if side else pair["body_a"]]
+        if body["driver"] >= 0:
+            return False
+        if body["inverse_mass"] > 0:
+            lever = vector_of(pair["lever_b"] if side else pair["lever_a"])
+            arm, turn = plus(lever, -1.0, vector_of(body["center"])), body["scratch"][0]
+            rotate(body["inverse_inertia"], cross(arm, pressing), turn)
+            apart += body["inverse_mass"] * dot(n, pressing) + dot(turn, cross(arm, n))
+    return apart <= 0
 
 
 @kernel

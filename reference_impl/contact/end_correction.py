@@ -326,7 +326,7 @@ def _keeps_sliding(pair, x, y, z):
     start, end, both = n[0] * u + n[1] * v + n[2] * w, n[0] * x + n[1] * y + n[2] * z, u * x + v * y + w * z
     both -= start * end
     before = u * u + v * v + w * w - start * start
-    return before > SLIDE_MIN * SLIDE_MIN and both > SLIDE_MIN * SLIDE_MIN
+    return before > SLIDE_MIN * SLIDE_MIN and both > SLIDE_MIN * sqrt(before)
 
 
 @kernel

@@ -3,6 +3,7 @@
 from math import sqrt
 
 from touchstone.reference_impl.contact.contact_events import (
+    AT_ONCE,
     ONSET_SOUGHT,
     SLIP_STRAIGHT,
     first_change,
@@ -108,6 +109,8 @@ FOLLOWED = 1e-6
 FIRST_SLACK, SLACK = 1e-6, 1e-8
 """Gap that contacts on mechanisms may leave at the end of a substep where no load changes it, before its
 corrections and in them [m]."""
+JAM_SHARE = 1e-6
+"""Share of a frame over which a jam is solved [1]: other forces do nothing in it."""
 CURVED_ROWS = 64
 """Most rows of a substep whose curved contacts are corrected: a heap is too chaotic for the time that this
 takes."""
@@ -142,6 +145,9 @@ def solve_resting_contacts(world, count, time, h):
         if carried:
             _turn_friction(world, count, h)
         _solve_positions(world, count, h, False)
+        if state["jams"] == 1:
+            _end_jam(world, count, h)
+            break
         if state["led_loop"] == 1 and _laws_differ(bodies, pairs, count):
             for k in range(count):
                 copy_vector(pairs[k]["spare"], pairs[k]["resting_impulse"])
@@ -171,7 +177,8 @@ def solve_resting_contacts(world, count, time, h):
     # may have any direction, and it keeps that one if the slip at the end is small
     if state["statics"] == 1:
         note_grips(bodies, pairs, count, state)
-    store_impulses(bodies, pairs, count, state, h)
+    if state["jams"] == 0:
+        store_impulses(bodies, pairs, count, state, h)
     # what has just begun to slide does so from the start of the next substep
     state["last_time"] = -h if h == whole and changes == ONSET_ROUNDS else 0.0
     log_held(bodies, pairs, count, world.contacts, state, time)
@@ -280,7 +287,8 @@ def _solve_velocities(world, count, h):
     """Apply forces over a substep and solve the law of velocities; returns the length of
     `solve_resting_contacts`."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
-    most, extended = h, False
+    most, extended, sought = h, False, True
+    state["jams"] = 0
     for k in range(RESTING_CONTACT_ROUNDS):
         turn_share = _prepare_resting_contacts(world, count, h)
         if turn_share < 1:
@@ -293,7 +301,15 @@ def _solve_velocities(world, count, h):
             while converged and release_grips(bodies, pairs, count, state):
                 converged = _solve_with_grips(world, count, h)
         # a stop time is meaningful only if the impulses converged
-        share = first_stop(bodies, pairs, count, h, state) if converged else NEVER
+        jams = sought and k < RESTING_CONTACT_ROUNDS - 1
+        share = first_stop(bodies, pairs, count, h, jams, state) if converged else NEVER
+        if share == AT_ONCE:
+            sought = False
+            if _jams(world, count):
+                return JAM_SHARE * state["dt"]
+            start_again(world, count)
+            forget_grips(pairs, count)
+            continue
         if state["dense_substep"] == 0:
             exact = bias_share(bodies, world.pieces, pairs, count, h, state)
             if _follows_slip(count, state):
@@ -325,6 +341,31 @@ def _solve_velocities(world, count, h):
         forget_grips(pairs, count)
         h = later
     return h
+
+
+@kernel
+def _jams(world, count):
+    """Whether a contact that seems to jam does so in the shortest time as well; solves the law of velocities
+    over that."""
+    state = world.state
+    h = JAM_SHARE * state["dt"]
+    forget_grips(world.pairs, count)
+    if _solve_with_grips(world, count, h):
+        if first_stop(world.bodies, world.pairs, count, h, True, state) == AT_ONCE:
+            state["jams"] = 1
+    return state["jams"] == 1
+
+
+@kernel
+def _end_jam(world, count, h):
+    """Let the bodies move by their velocities after a jam, whose force acts at the start of its substep."""
+    bodies, pairs = world.bodies, world.pairs
+    for b in range(len(bodies)):
+        if bodies[b]["kind"] == SIMULATED and bodies[b]["driver"] < 0:
+            copy_vector(bodies[b]["velocity"], bodies[b]["path_velocity"])
+            copy_vector(bodies[b]["omega"], bodies[b]["path_omega"])
+    for k in range(count):
+        pairs[k]["work"] = friction_work(bodies, pairs[k], h)
 
 
 @kernel

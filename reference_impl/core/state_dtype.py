@@ -48,6 +48,7 @@ STATE = record(
     contact_turn="f8",  # largest turn of a curved contact within half a substep [rad]
     joint_error="f8",  # error of a step of mechanisms [m or rad]
     event_rows="i8",  # contact rows of a frame's event-driven substeps, beyond which substeps are dense
+    jams="i8",  # 1: a contact jammed in the last substep, which is as short as that
     halvings="i8",  # halvings of substeps of the frame so far, whose curved contacts did not close
     calm_events="i8",  # substeps of the frame so far that ended early for the accuracy of curved contacts
     rows="i8",  # contact rows of the frame's substeps so far
