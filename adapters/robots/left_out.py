@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from typing import Any
 
@@ -105,10 +106,15 @@ def left_out(source: Source, kept: AbstractSet[str] | None) -> list[str]:
         ("limits equal or missing", [name for name in free if name in kept & bounded]),
     ):
         if found:
-            names = ", ".join(map(repr, found[:5])) + (f" and {len(found) - 5} more" if found[5:] else "")
-            joints = "joints" if found[1:] else "joint"
-            notes.append(f"{joints} {names}: {text}; the scene has {UNLIMITED:g} rad, which stops nothing")
+            joints = listed("joint", found)
+            notes.append(f"{joints}: {text}; the scene has {UNLIMITED:g} rad, which stops nothing")
     return notes
+
+
+def listed(word: str, names: Sequence[str]) -> str:
+    """Things of a kind by name, of more than five the first: "joints 'a', 'b'"."""
+    more = f" and {len(names) - 5} more" if names[5:] else ""
+    return f"{word}{'s' if names[1:] else ''} {', '.join(map(repr, names[:5]))}{more}"
 
 
 def _unkept_springs(model: Any) -> int:

@@ -27,7 +27,7 @@ from touchstone.adapters.robots.driven import (
     named_once,
     place_floor,
 )
-from touchstone.adapters.robots.left_out import friction_of, left_out
+from touchstone.adapters.robots.left_out import friction_of, left_out, listed
 from touchstone.adapters.robots.link_body import body_of
 from touchstone.adapters.robots.links import HINGE, TreeBuilder, joints_of, world_pose
 from touchstone.adapters.robots.mechanism import Simulated, add_exclusions, add_mechanism
@@ -70,6 +70,8 @@ def imported(
     """
     source = compiled(path, allow_paths)
     notes, parts = [f"MuJoCo: {text}" for text in source.warned], Parts()
+    if source.turned:
+        notes.append(f"quarter turns: exact for shapes of {listed('link', source.turned)}")
     try:
         scenario = _scene(source, (name, path.name), parts, notes, simulated)
     except ScenarioError as error:

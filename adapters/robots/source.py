@@ -55,12 +55,14 @@ DEEPEST_INCLUDE = 20
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A compiled robot: `urdf` or `mjcf`, its root element, MuJoCo's model, and what MuJoCo warned of."""
+    """A compiled robot: `urdf` or `mjcf`, its root element, MuJoCo's model, what MuJoCo warned of, and links
+    whose shapes turn by exact quarter turns."""
 
     form: str
     root: Element
     model: Any
     warned: tuple[str, ...]
+    turned: tuple[str, ...] = ()
 
 
 def compiled(path: Path, allow_paths: bool = False) -> Source:
@@ -75,7 +77,8 @@ def compiled(path: Path, allow_paths: bool = False) -> Source:
     if root.tag == "robot":
         with TemporaryDirectory() as scratch:
             load = _urdf_spec(root, path, allow_paths, Path(scratch))
-            return Source("urdf", root, *_compiled(root, load, path))
+            turned = _turn_exactly(root)
+            return Source("urdf", root, *_compiled(root, load, path), turned)
     if root.tag == "mujoco":
         _check_mjcf(root, path, allow_paths)
         return Source("mjcf", root, *_compiled(root, lambda: _mjcf_spec(root, path), path))
@@ -113,7 +116,6 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
     if faults:
         raise RobotError("\n".join(faults))
     fuse_inertia(root)
-    _turn_exactly(root)
 
     def load() -> Any:
         spec = mujoco.MjSpec.from_string(root.text())
@@ -126,12 +128,19 @@ def _urdf_spec(root: Element, path: Path, allow_paths: bool, scratch: Path) -> A
     return load
 
 
-def _turn_exactly(root: Element) -> None:
-    """Turn collision shapes by exact quarter turns where their angles are these as far as written."""
-    for collision in (one for one in root.walk() if one.tag == "collision"):
-        for origin in (one for one in collision.children if "rpy" in one.attributes):
-            words = origin.attributes["rpy"].split()
-            origin.attributes["rpy"] = " ".join(map(_exact_angle, words))
+def _turn_exactly(root: Element) -> tuple[str, ...]:
+    """Turn collision shapes by exact quarter turns where their angles are these as far as written; names the
+    links whose shapes that changes."""
+    turned: dict[str, None] = {}
+    for link in (one for one in root.children if one.tag == "link"):
+        for collision in (one for one in link.children if one.tag == "collision"):
+            for origin in (one for one in collision.children if "rpy" in one.attributes):
+                words = origin.attributes["rpy"].split()
+                exact = [_exact_angle(word) for word in words]
+                if [float(word) for word in words] != [float(word) for word in exact]:
+                    turned[link.attributes.get("name", "")] = None
+                origin.attributes["rpy"] = " ".join(exact)
+    return tuple(turned)
 
 
 def _exact_angle(word: str) -> str:

@@ -74,7 +74,10 @@ def test_a_shape_without_inertial_has_no_mass(load):
 def test_a_written_quarter_turn_of_a_shape_is_exact(load, written, angle):
     """As far as it is written: what turns by 1.57 leans by 8e-4 rad, as the file says."""
     turned = SHAPE.replace("<geometry>", f'<origin rpy="{written} 0 0"/><geometry>')
-    found = load(robot(link("a").replace(SHAPE, turned), link("b"), joint("j", "a", "b"))).scenario
+    imported = load(robot(link("a").replace(SHAPE, turned), link("b"), joint("j", "a", "b")))
+    noted = "quarter turns: exact for shapes of link 'a'" in imported.notes
+    assert noted == (angle != float(written))
+    found = imported.scenario
     w, x, *others = found.bodies[found.body_index("a")].pieces[0].orientation
     assert 2 * np.arctan2(x, w) == pytest.approx(angle, abs=4e-16)
     assert others == [0, 0]
