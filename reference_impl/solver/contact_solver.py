@@ -98,6 +98,8 @@ PARTING_FACTORS = 30
 JAM_RATIO = 10.0
 """Mean change of an island's velocities, by mass, over the largest speed in its contacts, from which a moving
 surface jams it [1]: 100 to 300 where it did in random scenes, mostly less than 1 elsewhere."""
+FRICTION_STEPS = 8
+"""Steps in which friction rises from none where other methods fail."""
 EVEN_SWEEPS = 16
 """Most sweeps without friction before the first solve of an island with a mechanism."""
 
@@ -389,11 +391,45 @@ def _iterate(solver, state):
             take_best(solver)
             if _is_accepted(solver) or parts:
                 return
+        _raise_friction(solver, most, state)
+        if _is_accepted(solver):
+            return
     # few sweeps where the rebound may be what leaves no solution
     if state["dense_substep"] == 1 or _rebounds(solver):
         _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))
     else:
         _sweep(solver, state, max(MOST_SWEEPS, MOST_VISITS // rows))
+
+
+@kernel
+def _raise_friction(solver, most, state):
+    """Continue the solution without friction to that with all of it; the best impulses stay."""
+    rows, reached = solver["rows"], solver["best_residual"]
+    for k in range(solver["row_count"]):
+        row = rows[k]
+        copy_vector(row["best"], row["direction"])
+        row["kept_friction"], row["impulse"][:] = row["friction"], 0.0
+    for k in range(solver["moment_count"]):
+        moment = solver["moments"][k]
+        copy_vector(moment["best"], moment["direction"])
+        moment["impulse"][:] = 0.0
+    for step in range(FRICTION_STEPS + 1):
+        for k in range(solver["row_count"]):
+            rows[k]["friction"] = rows[k]["kept_friction"] * step / FRICTION_STEPS
+        _into_cones(solver)
+        rebuild(solver)
+        solver["best_residual"] = inf
+        residual, _ = residual_of(solver)
+        keep_best(solver, residual)
+        newton(solver, False, True, most, state)
+        take_best(solver)
+    if solver["best_residual"] > reached:
+        solver["best_residual"] = reached
+        for k in range(solver["row_count"]):
+            copy_vector(rows[k]["direction"], rows[k]["best"])
+        for k in range(solver["moment_count"]):
+            copy_vector(solver["moments"][k]["direction"], solver["moments"][k]["best"])
+        take_best(solver)
 
 
 @kernel
