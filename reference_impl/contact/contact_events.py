@@ -171,8 +171,8 @@ def _stop(bodies, pairs, k, h, jams, state):
 
 @kernel
 def _jams(bodies, pair):
-    """Whether pressing two free bodies together, with the friction of their sliding, does not push them apart:
-    no finite force then lets them slide on (Painleve)."""
+    """Whether pressing two free bodies together, with friction against their sliding, does not part them: no
+    finite force then lets them slide on (Painleve)."""
     n, slip, mu, apart = vector_of(pair["normal"]), _slip(pair), pair["friction"], 0.0
     pressing = plus(n, -mu / slip, before_across(pair))
     for side in range(2):

@@ -146,7 +146,7 @@ def test_a_mass_without_a_reciprocal_is_refused(lab, registry):
         registry.engine("reference").build(scene, registry.settings("reference"))
 
 
-@pytest.mark.parametrize("exponent", [-1000, -120, 120, 900])
+@pytest.mark.parametrize("exponent", [-330, -120, 120, 330])
 def test_masses_of_any_magnitude_move_in_the_same_way(lab, registry, exponent):
     """Scale impulses and the manifest's masses by a power of two, and change no bit of the motion."""
     unit, ball = 2.0**exponent, lab.ball("ball")
