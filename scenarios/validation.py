@@ -189,7 +189,7 @@ def _check_body(body: Body, path: str, is_joined: bool, report: Report) -> None:
         finite(getattr(body, field), f"{path}.{field}", report, 3, LONGEST)
     if body.kind not in UNMOVED:
         weighs = positive([body.mass], f"{path}.mass", report, most=HEAVIEST, least=LIGHTEST)
-        if weighs and finite_rows(body.inertia, f"{path}.inertia", report, 3, HEAVIEST * LONGEST**2):
+        if weighs and finite_rows(body.inertia, f"{path}.inertia", report, 3, body.mass * LONGEST**2):
             _check_inertia(np.array(body.inertia), f"{path}.inertia", body.mass * SHORTEST**2, report)
     still = ("linear_velocity", "angular_velocity")
     tracked = dict.fromkeys(TRACKED, ("position", "orientation", *still))

@@ -79,7 +79,12 @@ BODY = [
     (1, {"mass": nan}, "bodies[1].mass", "nan"),
     (1, {"mass": 1e150}, "bodies[1].mass", "found 1e+150, expected a magnitude of at most 1e+100"),
     (1, {"mass": 1e-150}, "bodies[1].mass", "expected numbers of at least 1e-100"),
-    (1, {"inertia": ((1e300, 0, 0), (0, 1e300, 0), (0, 0, 1e300))}, "bodies[1].inertia[0]", "at most 1e+130"),
+    (
+        1,
+        {"inertia": ((1e300, 0, 0), (0, 1e300, 0), (0, 0, 1e300))},
+        "bodies[1].inertia[0]",
+        "a magnitude of at most",
+    ),
     (
         1,
         {"inertia": ((1e-99, 0, 0), (0, 1e-99, 0), (0, 0, 1e-99))},
