@@ -220,7 +220,7 @@ def test_figures_beyond_floating_point_warn_nobody(resting, judged):
     inertia = tuple(map(tuple, (unit * np.array(scenario.bodies[1].inertia)).tolist()))
     ball = replace(scenario.bodies[1], mass=1e100, inertia=inertia)
     heavy = replace(scenario, bodies=(scenario.bodies[0], ball))
-    fast = replace(sound, linear_velocity=sound.linear_velocity + 1e150 * np.arange(31)[:, None, None])
+    fast = replace(sound, linear_velocity=sound.linear_velocity + 1e28 * np.arange(31)[:, None, None])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = judged(heavy, ours=fast, theirs=sound)
