@@ -17,8 +17,6 @@ SHORTEST = 1e-15
 """Least size of a shape [m]: beside a metre it is rounding."""
 LARGEST, SMALLEST = 1e30, 1e-30
 """Magnitude of any number of a scene, and least positive one [SI]: products of three keep all digits."""
-HEAVIEST, LIGHTEST = 1e100, 1e-100
-"""Magnitude of masses [kg]: the squares of energies, of which results are sums, stay finite."""
 UNIT_TOLERANCE = 1e-9
 """Tolerance of the length of a unit quaternion or axis [1]: rounding."""
 

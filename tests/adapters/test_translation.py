@@ -137,7 +137,16 @@ def test_bodies_in_one_place_are_not_played(lab, registry):
         record(registry.engine("reference"), scene, registry.settings("reference"))
 
 
-@pytest.mark.parametrize("exponent", [-330, -120, 120, 330])
+def test_a_mass_without_a_reciprocal_is_refused(lab, registry):
+    """Refuse a subnormal mass beside an enormous one by name: no unit of mass represents both."""
+    grain = replace(lab.ball("grain"), mass=1e-310, inertia=np.eye(3) * 1e-313)
+    giant = replace(lab.ball("giant"), position=(3.0, 0.0, 1.0), mass=1e300, inertia=np.eye(3) * 1e297)
+    scene = lab.scene(grain, giant, lab.ground())
+    with pytest.raises(Unsupported, match=r"reference: mass or inertia of 'grain' is too small"):
+        registry.engine("reference").build(scene, registry.settings("reference"))
+
+
+@pytest.mark.parametrize("exponent", [-1000, -120, 120, 900])
 def test_masses_of_any_magnitude_move_in_the_same_way(lab, registry, exponent):
     """Scale impulses and the manifest's masses by a power of two, and change no bit of the motion."""
     unit, ball = 2.0**exponent, lab.ball("ball")

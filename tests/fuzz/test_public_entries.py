@@ -247,7 +247,7 @@ def numbers(data) -> list:
 @given(
     data=st.data(),
     name=st.sampled_from(sorted(DOCUMENTS)),
-    power=st.one_of(st.integers(-12, 12), st.sampled_from([-300, -99, -30, 30, 99, 300])),
+    power=st.one_of(st.integers(-12, 12), st.sampled_from([-300, -30, 30, 300])),
     shift=st.sampled_from([0.0, 1.0, -1.0]),
 )
 def test_a_scene_of_any_magnitudes_is_refused_or_has_an_outcome(tmp_path, data, name, power, shift):

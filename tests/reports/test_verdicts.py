@@ -216,11 +216,9 @@ def test_rows_on_unaudited_impulses_are_marked(pressed, judged):
 def test_figures_beyond_floating_point_warn_nobody(resting, judged):
     """Products that overflow are infinite or NaN in their rows; NumPy prints nothing."""
     scenario, sound = resting
-    unit = 1e100 / scenario.bodies[1].mass
-    inertia = tuple(map(tuple, (unit * np.array(scenario.bodies[1].inertia)).tolist()))
-    ball = replace(scenario.bodies[1], mass=1e100, inertia=inertia)
+    ball = replace(scenario.bodies[1], mass=1e300)
     heavy = replace(scenario, bodies=(scenario.bodies[0], ball))
-    fast = replace(sound, linear_velocity=sound.linear_velocity + 1e28 * np.arange(31)[:, None, None])
+    fast = replace(sound, linear_velocity=sound.linear_velocity + 1e20 * np.arange(31)[:, None, None])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = judged(heavy, ours=fast, theirs=sound)

@@ -214,7 +214,12 @@ def _bodies(scenario: Scenario, pieces: np.ndarray) -> np.ndarray:
         row["center_of_mass"], row["inertia"] = body.center_of_mass, body.inertia
         if body.kind == "prescribed":
             row["mass"], row["inertia"] = PRESCRIBED_MASS, PRESCRIBED_INERTIA
-        row["axis"] = np.linalg.eigh(row["inertia"])[1][:, 0]
+        moments, axes = np.linalg.eigh(row["inertia"])
+        if body.kind == "simulated" and min(body.mass, moments[0]) < np.finfo(float).tiny:
+            raise Unsupported(
+                f"reference: mass or inertia of {body.name!r} is too small: its reciprocal overflows"
+            )
+        row["axis"] = axes[:, 0]
         row["position"], row["orientation"] = body.position, body.orientation
         row["rotation"] = matrix(body.orientation)
         row["center"] = row["position"] + row["rotation"] @ row["center_of_mass"]
