@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement, pairwise
-from math import inf, ulp
+from math import inf, nan, ulp
 from typing import get_args
 
 import numpy as np
@@ -16,6 +16,7 @@ from touchstone.scenarios.avatar.chains import check_chains
 from touchstone.scenarios.avatar.number_checks import (
     LARGEST,
     LONGEST,
+    SHORTEST,
     UNIT_TOLERANCE,
     Report,
     finite,
@@ -186,9 +187,10 @@ def _check_body(body: Body, path: str, is_joined: bool, report: Report) -> None:
     for field in ("position", "linear_velocity", "angular_velocity", "center_of_mass"):
         finite(getattr(body, field), f"{path}.{field}", report, 3, LONGEST)
     if body.kind not in UNMOVED:
-        positive([body.mass], f"{path}.mass", report, most=inf, least=ulp(0.0))
+        weighed = positive([body.mass], f"{path}.mass", report, most=inf, least=ulp(0.0))
         if finite_rows(body.inertia, f"{path}.inertia", report, 3, inf):
-            _check_inertia(np.array(body.inertia), f"{path}.inertia", report)
+            mass = body.mass if weighed else nan
+            _check_inertia(np.array(body.inertia), mass, f"{path}.inertia", report)
     still = ("linear_velocity", "angular_velocity")
     tracked = dict.fromkeys(TRACKED, ("position", "orientation", *still))
     for field in ({"fixed": still} | tracked).get(body.kind, ()):
@@ -218,7 +220,7 @@ def check_piece(piece: Piece, path: str, report: Report) -> None:
     _check_shape(piece.shape, f"{path}.shape", report)
 
 
-def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:
+def _check_inertia(inertia: np.ndarray, mass: float, path: str, report: Report) -> None:
     if inertia.shape != (3, 3):
         report(path, f"found {plural(len(inertia), 'row')}, expected 3")
         return
@@ -232,6 +234,9 @@ def _check_inertia(inertia: np.ndarray, path: str, report: Report) -> None:
         found = ", ".join(f"{moment:.6g}" for moment in moments)
         reason = "break the triangle inequality: the largest must not exceed the sum of the others"
         report(path, f"principal moments {found} kg m^2 {reason}")
+    elif moments[0] < mass * SHORTEST**2 or moments[2] > mass * LONGEST**2:
+        expected = f"radii of gyration from {SHORTEST:g} to {LONGEST:g} m"
+        report(path, f"found {moments[0]:g} kg m^2 beside {mass:g} kg, expected {expected}")
 
 
 def _check_shape(shape: Shape, path: str, report: Report) -> None:

@@ -227,7 +227,7 @@ def _weighed(body: dict[str, Any], place: Place) -> list[Fault]:
         pieces = tuple(built(Piece, piece) for piece in body["pieces"])
         with np.errstate(all="ignore"):
             center, inertia = uniform(pieces, body["mass"])
-        sound = bool((np.abs([center, *inertia]) <= LONGEST).all())
+        sound = bool((np.abs(center) <= LONGEST).all() and np.isfinite(inertia).all())
     except ARITHMETIC:
         sound = False
     # the checks of the scenario name the mass or shape that is wrong

@@ -84,6 +84,8 @@ BODY = [
     (1, {"position": (0.0, inf, 0.0)}, "bodies[1].position", "inf"),
     (1, {"linear_velocity": (0.0, nan, 0.0)}, "bodies[1].linear_velocity", "nan"),
     (1, {"inertia": ((nan, 0, 0), (0, 1, 0), (0, 0, 1))}, "bodies[1].inertia[0]", "nan"),
+    (1, {"inertia": ((1e99, 0, 0), (0, 1e99, 0), (0, 0, 1e99))}, "bodies[1].inertia", "radii of gyration"),
+    (1, {"inertia": ((1e-99, 0, 0), (0, 1e-99, 0), (0, 0, 1e-99))}, "bodies[1].inertia", "radii of gyration"),
     (1, {"inertia": ((1, 0, 0), (0, 1, 0))}, "bodies[1].inertia", "found 2 rows"),
     (1, {"inertia": ((1, 0), (0, 1), (0, 0))}, "bodies[1].inertia[0]", "expected 3"),
     (1, {"inertia": ((1, 0.5, 0), (0, 1, 0), (0, 0, 1))}, "bodies[1].inertia", "asymmetric"),

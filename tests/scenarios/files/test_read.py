@@ -478,6 +478,13 @@ def test_cones_and_rounded_shapes_are_uniform_solids(scene, text, shape, center)
     assert body.inertia[0][0] > 0
 
 
+@pytest.mark.parametrize("mass", [1e-300, 1e20, 1e300])
+def test_a_uniform_solid_may_have_any_mass(scene, mass):
+    """Its inertia is that of the solid, not of another one."""
+    text = SHAPED.replace("SHAPE", "{ radius = 0.5 }").replace("mass = 2.0", f"mass = {mass}")
+    assert scene(SOUND + text).bodies[1].inertia[0][0] == pytest.approx(0.1 * mass, rel=1e-12)
+
+
 def test_a_half_space_is_fixed(scene):
     """It is a floor of a fixed body, and refused on one that moves."""
     plane = SHAPED.replace("SHAPE", '{ type = "half_space" }')
