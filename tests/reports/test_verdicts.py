@@ -216,7 +216,8 @@ def test_rows_on_unaudited_impulses_are_marked(pressed, judged):
 def test_figures_beyond_floating_point_warn_nobody(resting, judged):
     """Products that overflow are infinite or NaN in their rows; NumPy prints nothing."""
     scenario, sound = resting
-    ball = replace(scenario.bodies[1], mass=1e300)
+    inertia = tuple(tuple(1e300 * value for value in row) for row in scenario.bodies[1].inertia)
+    ball = replace(scenario.bodies[1], mass=1e300 * scenario.bodies[1].mass, inertia=inertia)
     heavy = replace(scenario, bodies=(scenario.bodies[0], ball))
     fast = replace(sound, linear_velocity=sound.linear_velocity + 1e20 * np.arange(31)[:, None, None])
     with warnings.catch_warnings():
