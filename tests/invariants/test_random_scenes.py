@@ -97,7 +97,13 @@ def test_heaps_with_friction_beyond_mu_gain_no_energy() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "first"),
-    [("grip", 77710040), ("lift", 77710040), ("drag", 77710040), ("sweep", 77710040), ("person", 98000046)],
+    [
+        ("grip", 77710040),
+        ("lift", 77710040),
+        ("drag", 77710040),
+        pytest.param("sweep", 77710040, marks=pytest.mark.slow),
+        ("person", 98000046),
+    ],
 )
 def test_what_drivers_meet_gains_no_more_than_their_work(kind: str, first: int) -> None:
     """Light and stiff drivers pass through nothing and not through each other, and do the work they say;
@@ -205,7 +211,9 @@ def test_what_broke_a_limit_once_breaks_none(profile: str, kind: str | None, see
     assert broken(played(profile, (seed,), kind=kind)) == []
 
 
-@pytest.mark.parametrize(("kind", "first"), [("wedge", 990000), ("shake", 6001040)])
+@pytest.mark.parametrize(
+    ("kind", "first"), [("wedge", 990000), pytest.param("shake", 6001040, marks=pytest.mark.slow)]
+)
 def test_jams_are_solved(kind: str, first: int) -> None:
     """Of 24 jams between walls or on shaken platforms, all but one keep every limit: bodies that stuck were
     asked for a strain and got 1e6 N s. Which jam stays open depends on rounding."""
