@@ -305,7 +305,7 @@ def _solve_velocities(world, count, h):
         share = first_stop(bodies, pairs, count, h, jams, state) if converged else NEVER
         if share == AT_ONCE:
             sought = False
-            if _jams(world, count):
+            if _solve_jam(world, count):
                 return JAM_SHARE * state["dt"]
             start_again(world, count)
             forget_grips(pairs, count)
@@ -344,9 +344,8 @@ def _solve_velocities(world, count, h):
 
 
 @kernel
-def _jams(world, count):
-    """Whether a contact that seems to jam does so in the shortest time as well; solves the law of velocities
-    over that."""
+def _solve_jam(world, count):
+    """Solve the law of velocities over JAM_SHARE of a frame; returns whether a contact jams there too."""
     state = world.state
     h = JAM_SHARE * state["dt"]
     forget_grips(world.pairs, count)

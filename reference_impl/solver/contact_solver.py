@@ -403,7 +403,8 @@ def _iterate(solver, state):
 
 @kernel
 def _raise_friction(solver, most, state):
-    """Continue the solution without friction to that with all of it; the best impulses stay."""
+    """Continue the solution without friction to that with all of it, in steps of the coefficients
+    (a homotopy); the best impulses stay."""
     rows, reached = solver["rows"], solver["best_residual"]
     for k in range(solver["row_count"]):
         row = rows[k]
