@@ -30,9 +30,9 @@ CONTACTS_PER_BODY = 512
 """Capacity for contact points per body and step in large scenes: the reference logs all substeps."""
 
 DRIVES = ("native", "torque", "posed")
-"""Ways to drive an engine's driven bodies: by an implicit coupling of the root and the engine's own position
-servos (default), by explicit forces and torques held constant over a step, or not at all because links are
-kinematic (`posed_drive.py`)."""
+"""Ways to drive driven bodies: by an implicit coupling of the root and the engine's own position servos
+(default), by explicit forces and torques held constant over a step (the reference does not), or not at all
+because links are kinematic (`posed_drive.py`)."""
 
 MOMENT_WORK = "moment_work"
 """Counter of the reference: work of rolling and torsional friction [J], where a scene has any."""

@@ -118,7 +118,7 @@ class Request(ShortRepr):
     command: str = ""
     changes: tuple[str, ...] = ()  # "key=value" in the reference's profiles
     effects: tuple[str, ...] | None = None  # to run in every scene; None: what each scene needs
-    drive: str = "native"  # drive of hinges in DART, Bullet and MuJoCo
+    drive: str = "native"  # of driven bodies
     tracker: str = "ideal"  # the variant of the trackers that the scenes have
     limits: tuple[Limit, ...] = ()  # of a file; they come before the scenes' own and ours
 
@@ -126,8 +126,8 @@ class Request(ShortRepr):
         """The settings of a column."""
         dt = self.dt or ENGINES[engine].profiles[profile]
         changed = changes_of(engine, profile, self.changes)
-        # The reference poses hinges itself, whatever drives those of the engines.
-        drive = DRIVES[0] if engine == REFERENCE else self.drive
+        # the reference has one servo of its own
+        drive = DRIVES[0] if engine == REFERENCE and self.drive == "torque" else self.drive
         return Settings(profile, dt, changed, self.effects, drive=drive, tracker=self.tracker)
 
 

@@ -37,7 +37,6 @@ from touchstone.reports.runner.tasks import PROCESSES, Task, own_profile, own_se
 from touchstone.reports.studies.study import RefusedError, failures, kept, missing_rows
 from touchstone.reports.studies.work_precision.points import (
     FINER,
-    REFERENCE,
     TRUTH_PROFILE,
     SweptRuns,
     errors_of,
@@ -166,11 +165,11 @@ def own_cells(scenario: Scenario) -> list[Cell]:
     """A scene on every installed engine in its own profile, at its step."""
     columns = [(engine, own_profile(engine)) for engine in ENGINES if installed(engine)]
     cells, drive = grid([scenario.name], columns), _drive(scenario)
-    return [one if one.engine == REFERENCE else replace(one, options=(f"drive={drive}",)) for one in cells]
+    return [replace(one, options=(f"drive={drive}",)) for one in cells]
 
 
 def _drive(scenario: Scenario) -> str:
-    """Kinematic links where they drive simulated bodies, as in the reference: contacts are compared."""
+    """Kinematic links where they drive simulated bodies: contacts are compared, not servos."""
     return "posed" if any(body.kind == "simulated" for body in scenario.bodies) else DRIVES[0]
 
 

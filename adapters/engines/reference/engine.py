@@ -31,7 +31,7 @@ from touchstone.adapters.contract import (
 )
 from touchstone.adapters.engines.reference.compiling import compile_seconds, frame_of, nothing, small_world
 from touchstone.adapters.engines.reference.mechanisms import set_exclusions
-from touchstone.adapters.engines.reference.reference_world import Units, body_order, translate, units
+from touchstone.adapters.engines.reference.reference_world import Units, body_order, kinematic, translate, units
 from touchstone.adapters.engines.reference.settings import PAPER, configure, describe
 from touchstone.adapters.registry import ENGINES
 from touchstone.reference_impl.broad_phase.detection import detect
@@ -181,7 +181,7 @@ class _World:
             field, fault = error.faults[0]
             found = f"in units of {self._units.mass:.3g} kg and {self._units.length:.3g} m"
             raise Unsupported(f"reference: {found}, {field}: {fault}") from error
-        self._world = translate(arranged)
+        self._world = translate(kinematic(arranged) if settings.drive == "posed" else arranged)
         self._state = self._world.state[0]
         self._contact_words = contact_words(self._world.contacts)
         self._state["dt"] = dt = settings.dt / self._units.time

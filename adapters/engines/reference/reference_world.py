@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
-from math import frexp, log2
+from math import frexp, log2, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -65,6 +66,9 @@ MASS_RANGE = (1e-30, 1e30)
 or overflow, and no solve would converge."""
 NUMBER = re.compile(r"(\d+)")
 """Numbers in names, by which bodies are sorted."""
+RIGID = 1e12
+"""Stiffness of a kinematic link's coupling [N/m] and of its hinges' servos per inertia [1/s^2]: a load of
+1 kN moves it by 1e-9 m."""
 TOUCHED = 64
 """Rows of each array that are in memory before the first frame [1]."""
 LARGEST_UNIT = 1022
@@ -93,6 +97,19 @@ class Units(NamedTuple):
             return scenario
         rate = scenario.frame_rate * max(1, int(self.time))
         return similar(scenario, 1 / self.time, duration=scenario.duration / self.time, frame_rate=rate)
+
+
+def kinematic(scenario: Scenario) -> Scenario:
+    """The scene with links that no load moves off their tracker's poses: the limit of stiff couplings and
+    servos. Geometry still keeps them out of fixed bodies."""
+    trackers = []
+    for tracker in scenario.trackers:
+        if not scenario.prescribes(tracker):
+            mass = sum(scenario.bodies[link].mass for link in scenario.links(tracker))
+            damping = 2 * sqrt(RIGID * mass)
+            tracker = replace(tracker, stiffness=RIGID, damping=damping, hinge_frequency=sqrt(RIGID))
+        trackers.append(tracker)
+    return scenario.reduced(trackers=tuple(trackers))
 
 
 def units(scenario: Scenario) -> Units:

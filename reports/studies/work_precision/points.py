@@ -154,14 +154,15 @@ def truth_cells(
 
     Args:
         sources: of the scene, and of the scene moved by a little.
-        drive: of the engines' driven bodies.
+        drive: of the driven bodies.
     """
     plain, moved = sources
+    options = () if drive == DRIVES[0] else (f"drive={drive}",)
     codes = [
         Cell(
             *(scene, engine, TRUTH_PROFILE if TRUTH_PROFILE in entry.profiles else own_profile(engine), dt),
             source=plain,
-            options=() if drive == DRIVES[0] or engine == REFERENCE else (f"drive={drive}",),
+            options=options,
         )
         for engine, entry in ENGINES.items()
         if installed(engine)
@@ -170,8 +171,8 @@ def truth_cells(
     column = (scene, REFERENCE, TRUTH_PROFILE, 1 / 240)
     return [
         *codes,
-        Cell(*column, source=plain),
-        *(Cell(*column, seed=seed, source=moved) for seed in PERTURBED_SEEDS),
+        Cell(*column, source=plain, options=options),
+        *(Cell(*column, seed=seed, source=moved, options=options) for seed in PERTURBED_SEEDS),
     ]
 
 
