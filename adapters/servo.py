@@ -86,6 +86,12 @@ def starting_body(scenario: Scenario, tracker: Tracker) -> StartingBody:
     return StartingBody(start, place[:, 0], orientation, mass, turn[0, 0], inertia, servo)
 
 
+def servo_stiffness(scenario: Scenario, tracker: Tracker) -> Array:
+    """Stiffness (j,) [N m/rad] of the servos of a person's hinges, one each."""
+    found: Array = tracker.hinge_frequency**2 * starting_body(scenario, tracker).servo.diagonal()
+    return found
+
+
 class Drive:
     """Targets and gains of one tracker, for the native steps of one run.
 

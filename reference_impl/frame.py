@@ -250,8 +250,8 @@ def _simulate(world):
     for _ in range(EVENT_CAP):
         time, halvings = state["dt"] - left, state["halvings"]
         touching, h = gather_contacts(world, left)
-        if state["mechanisms"] == 1:
-            note_touched(bodies, drivers, pairs, touching)
+        if len(drivers) > 0:
+            note_touched(bodies, joints, drivers, pairs, touching)
         # the inertia of a driver affects only its contacts
         for d in range(len(drivers)):
             if drivers[d]["loops"] == 1 and (touching > 0 or has_limits(joints, drivers[d])):

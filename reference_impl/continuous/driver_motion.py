@@ -5,8 +5,8 @@
 The goal is the tracker, which moves linearly within a frame; in the direction in which overlap removal moved
 the driver, it is the pose that removal found. The equation is linear: over a substep of length h with a
 constant force its solution is the free motion plus f times the response of `coupling_response`, at any h. The
-rotation obeys the same equation, critically damped at sqrt(K / m), about the centre of mass. So do the hinges
-of chains (`hinge_motion`).
+rotation obeys the same equation, critically damped at sqrt(K / m), about the centre of mass. So do the modes of
+chains (`hinge_motion`).
 
 The contact solver asks a law of velocities at the end of a substep. A coupling that is much faster than h
 moves by f / K within it, but has no velocity at its end. Rows with a driver therefore ask the law of
@@ -33,9 +33,10 @@ from touchstone.reference_impl.continuous.hinge_motion import (
     exchange_limits,
     exchange_rates,
     find_limits,
-    hinge_response,
     return_hinges,
     set_lead_rates,
+    set_shares,
+    slowest_response,
 )
 from touchstone.reference_impl.continuous.mechanism_motion import (
     begin_mechanism,
@@ -154,8 +155,7 @@ def coast(bodies, joints, driver, h, lead, dt):
         for j in range(3):
             driver["inverse_inertia"][i, j] *= driver["turn_share"]
     if driver["hinge_count"] > 0:
-        turned_by, spin = hinge_response(driver, h)
-        driver["hinge_share"] = (1 - lead) * spin / h + 2 * lead * turned_by / (h * h)
+        set_shares(joints, driver, lead, h)
         ask_limits(joints, driver, lead, h)
 
 
@@ -167,8 +167,7 @@ def _stiff_lead(driver, h):
         return 0.0
     _, speed = unit_response(driver["stiffness"] / driver["mass"], _damping(driver, h), h)
     if driver["hinge_count"] > 0:
-        _, spin = hinge_response(driver, h)
-        speed = min(speed, spin)
+        speed = min(speed, slowest_response(driver, h))
     return STIFF_LEAD * min(1 - speed / h, 1.0)
 
 
@@ -178,7 +177,7 @@ def weigh_for_impacts(driver):
     driver["lasting"] = 0
     if driver["prescribed"] == 1 or driver["mechanism"] == 1:
         return
-    driver["inverse_mass"], driver["hinge_share"] = 1 / driver["mass"], 1.0
+    driver["inverse_mass"] = 1 / driver["mass"]
     invert_symmetric(driver["inertia"], driver["inverse_inertia"])
 
 

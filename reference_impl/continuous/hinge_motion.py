@@ -1,16 +1,21 @@
 """Hinges of drivers that move in the simulated loop.
 
-Hinges outside chains go evenly through a frame. A hinge of a chain does so too, along the path that the
-driven loop found, but for the offset x that forces of simulated bodies caused. With the servo of the dynamics
-engines it obeys
+Hinges outside chains go evenly through a frame. The hinges of a chain do so too, along the path that the
+driven loop found, but for the offsets x that forces f of simulated bodies caused. They obey the servos of the
+dynamics engines, each of its own constant stiffness in the diagonal matrix K,
 
-    x'' = -w^2 x - 2 w x' + S^-1 J' f          (`hinge_response`)
+    M x'' = -K x - (2 / w) K x' + J' f
 
-in closed form over a substep with constant forces f. The limit of a hinge that would leave it by that becomes
-a row of the contact solver.
+with M the chain's inertia while its root is held. In the modes x = V z of M and K, with V'M V = 1 and V'K V
+diagonal (`hinge_modes`), these are springs of one coordinate each, solved in closed form over a
+substep with constant forces. The limit of a hinge that would leave it by that becomes a row of the contact
+solver.
 """
 
+from math import sqrt
+
 from touchstone.reference_impl.continuous.coupling_response import decay, unit_response
+from touchstone.reference_impl.continuous.hinge_modes import find_modes
 from touchstone.reference_impl.core.kernel import kernel
 
 LIMIT_ROUNDING = 1e-9
@@ -20,22 +25,91 @@ LIMIT_ERROR = LIMIT_ROUNDING / 10
 
 
 @kernel
-def follow_servo(joint, frequency, h):
-    """Advance a hinge's offset by a time h without forces; returns whether there is an offset."""
-    x, rate = joint["offset"], joint["offset_rate"]
-    if x == 0 and rate == 0:
-        return False
-    x, rate = decay(x, rate, frequency * frequency, 2 * frequency, h)
-    if abs(x) < LIMIT_ROUNDING and abs(h * rate) < LIMIT_ROUNDING:
-        x = rate = 0.0
-    joint["offset"], joint["offset_rate"] = x, rate
-    return True
+def follow_servos(joints, driver, h):
+    """Advance the offsets of a driver's hinges by a time h without forces."""
+    for i in range(driver["chain_count"]):
+        first, end = driver["chains"][i, 0], driver["chains"][i, 1] + 1
+        moves = False
+        for k in range(first, end):
+            moves = moves or joints[k]["offset"] != 0 or joints[k]["offset_rate"] != 0
+        if not moves:
+            continue
+        for k in range(first, end):
+            joints[k]["old_offset"], joints[k]["old_offset_rate"] = (
+                joints[k]["offset"],
+                joints[k]["offset_rate"],
+            )
+        _follow_modes(joints, driver, first, end, h, h, 0.0)
+        small = True
+        for k in range(first, end):
+            x, rate = joints[k]["offset"], joints[k]["offset_rate"]
+            small = small and abs(x) < LIMIT_ROUNDING and abs(h * rate) < LIMIT_ROUNDING
+        if small:
+            for k in range(first, end):
+                joints[k]["offset"] = joints[k]["offset_rate"] = 0.0
 
 
 @kernel
-def hinge_response(driver, h):
-    """`unit_response` of the hinges of a driver's chains."""
-    return unit_response(driver["hinge_frequency"] ** 2, 2 * driver["hinge_frequency"], h)
+def _follow_modes(joints, driver, first, end, t, h, share):
+    """Set the offsets of a chain's hinges a time t after the start of their substep of length h, with a share
+    of the response to its forces."""
+    if joints[first]["pace"] == 0:
+        find_modes(joints, driver, first, end)
+    for m in range(first, end):
+        mode, z, rate = joints[m], 0.0, 0.0
+        for k in range(first, end):
+            bent = joints[k]["modes"][m - first] * joints[k]["servo"] / mode["pace"]
+            z += bent * joints[k]["old_offset"]
+            rate += bent * joints[k]["old_offset_rate"]
+        _find_motion(mode, driver, t, h)
+        a = mode["motion"]
+        mode["amplitude"] = a[0] * z + a[2] * rate + share * a[4] / h * mode["shift_twist"]
+        mode["amplitude_rate"] = a[1] * z + a[3] * rate + share * a[5] / h * mode["twist"]
+    for k in range(first, end):
+        x = rate = 0.0
+        for m in range(first, end):
+            x += joints[k]["modes"][m - first] * joints[m]["amplitude"]
+            rate += joints[k]["modes"][m - first] * joints[m]["amplitude_rate"]
+        joints[k]["offset"], joints[k]["offset_rate"] = x, rate
+
+
+@kernel
+def _find_motion(mode, driver, t, h):
+    """Compute the motion of a mode over a time t in a substep of length h, unless it is the last one asked: its
+    amplitude and rate per amplitude, and per rate, at the start, and per acceleration all the while."""
+    if mode["motion_time"] == t and mode["motion_length"] == h:
+        return
+    mode["motion_time"], mode["motion_length"] = t, h
+    stiffness, damping, a = mode["pace"], _damping(driver, mode["pace"], h), mode["motion"]
+    a[0], a[1] = decay(1.0, 0.0, stiffness, damping, t)
+    a[2], a[3] = decay(0.0, 1.0, stiffness, damping, t)
+    a[4], a[5] = unit_response(stiffness, damping, t)
+
+
+@kernel
+def _damping(driver, stiffness, h):
+    """Damping of a mode [1/s]. One that swings faster than the substep is damped critically at least, as a
+    coupling is (`driver_motion`)."""
+    damping = 2 * stiffness / driver["hinge_frequency"]
+    return damping if stiffness * h * h <= 1 else max(damping, 2 * sqrt(stiffness))
+
+
+@kernel
+def set_shares(joints, driver, lead, h):
+    """Set the response of all modes over a substep of length h, as the law with this `lead` asks it."""
+    for i in range(driver["chain_count"]):
+        first, end = driver["chains"][i, 0], driver["chains"][i, 1] + 1
+        for m in range(first, end if joints[first]["pace"] > 0 else first):
+            _find_motion(joints[m], driver, h, h)
+            moved, speed = joints[m]["motion"][4], joints[m]["motion"][5]
+            joints[m]["share"] = (1 - lead) * speed / h + 2 * lead * moved / (h * h)
+
+
+@kernel
+def slowest_response(driver, h):
+    """Velocity of the stiffest mode after a substep of a constant unit acceleration, the least of all [s]."""
+    _, speed = unit_response(driver["stiffest"], _damping(driver, driver["stiffest"], h), h)
+    return speed
 
 
 @kernel
@@ -100,21 +174,23 @@ def clear_twists(joints, driver, both):
 def advance_hinges(joints, driver, t, h, dt, share):
     """Set the hinges' angles and rates a time t after the start of their substep of length h, with a share
     of the response to its forces."""
-    time, turned, spin, w = driver["clock"] + t, 0.0, 0.0, driver["hinge_frequency"]
-    if driver["hinge_count"] > 0:
-        turned, spin = hinge_response(driver, t)
+    for i in range(driver["chain_count"]):
+        first, end, moves = driver["chains"][i, 0], driver["chains"][i, 1] + 1, False
+        for k in range(first, end):
+            joint = joints[k]
+            joint["offset"] = joint["offset_rate"] = 0.0
+            moves = moves or joint["old_offset"] != 0 or joint["old_offset_rate"] != 0
+            moves = moves or joint["twist"] != 0 or joint["shift_twist"] != 0
+        if moves:
+            _follow_modes(joints, driver, first, end, t, h, share)
+    time = driver["clock"] + t
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
         pace = (joint["path_end"] - joint["path_start"]) / dt
-        path = joint["path_start"] + pace * time
-        if joint["coordinate"] < 0:
-            joint["angle"], joint["rate"] = path, pace
-            continue
-        x, rate = decay(joint["old_offset"], joint["old_offset_rate"], w * w, 2 * w, t)
-        x += share * turned / h * joint["shift_twist"]
-        rate += share * spin / h * joint["twist"]
-        joint["offset"], joint["offset_rate"] = x, rate
-        joint["angle"], joint["rate"] = path + x, pace + rate
+        joint["angle"], joint["rate"] = joint["path_start"] + pace * time, pace
+        if joint["coordinate"] >= 0:
+            joint["angle"] += joint["offset"]
+            joint["rate"] += joint["offset_rate"]
 
 
 @kernel

@@ -100,14 +100,21 @@ def show_rates(joints, driver):
 
 
 @kernel
-def note_touched(bodies, drivers, pairs, count):
-    """Note on which mechanisms the contacts `pairs[:count]` act."""
+def note_touched(bodies, joints, drivers, pairs, count):
+    """Note on which mechanisms and chains the contacts `pairs[:count]` act."""
     for d in range(len(drivers)):
         drivers[d]["touches"] = 0
+        for i in range(drivers[d]["chain_count"]):
+            joints[drivers[d]["chains"][i, 0]]["touched"] = 0
     for k in range(count):
         for b in (pairs[k]["body_a"], pairs[k]["body_b"]):
             if bodies[b]["driver"] >= 0:
-                drivers[bodies[b]["driver"]]["touches"] = 1
+                driver, hinge = drivers[bodies[b]["driver"]], bodies[b]["hinge"]
+                driver["touches"] = 1
+                while driver["chain_count"] > 0 and hinge >= 0:
+                    if joints[hinge]["chain"] >= 0:
+                        joints[driver["chains"][joints[hinge]["chain"], 0]]["touched"] = 1
+                    hinge = joints[hinge]["inner"]
 
 
 @kernel
@@ -312,7 +319,7 @@ def coast_mechanism(bodies, joints, driver, h, lead):
             joint["old_rate"], joint["rate"] = joint["rate"], driver["end_rates"][joint["coordinate"]]
             lead_rate = 2 * way / h - driver["known_path"][joint["coordinate"]] - joint["rate"]
             joint["lead_rate"] = lead_rate if lead == 1 else 0.0
-    driver["lasting"], driver["hinge_share"] = 1, 1.0
+    driver["lasting"] = 1
     ask_limits(joints, driver, lead, h)
 
 

@@ -47,8 +47,23 @@ JOINT = record(
     end_angle="f8",  # angle, deviation and its rate that the driven loop left
     end_offset="f8",
     end_offset_rate="f8",
-    twist="f8",  # change of rate by the impulses of the law of velocities, at one instant [rad/s]
-    shift_twist="f8",  # that of the law of positions
+    # of the k-th hinge of a chain: stiffness of its servo [N m/rad], inertia with each hinge of its chain, rate
+    # per amplitude of each of their modes; stiffness of the k-th mode [1/s^2], its response over a substep over
+    # that to an impulse [1], its amplitude and rate, and change of that rate by the impulses of the law of
+    # velocities, at one instant, and of the law of positions
+    touched="i8",  # of the first hinge, 1: contacts act on the chain
+    servo="f8",
+    coupling=("f8", (CHAIN_JOINTS,)),
+    modes=("f8", (CHAIN_JOINTS,)),
+    pace="f8",
+    share="f8",
+    motion=("f8", (6,)),
+    motion_time="f8",
+    motion_length="f8",
+    amplitude="f8",
+    amplitude_rate="f8",
+    twist="f8",
+    shift_twist="f8",
     limited="i8",  # 1 or -1: its lower or upper limit is a row of the solver
     limit_floor="f8",  # least rate away from that limit, as the solver asks it [rad/s]
     limit_free="f8",  # that rate without impulses
@@ -150,8 +165,10 @@ DRIVER = record(
     damping="f8",
     hinge_frequency="f8",  # of the servo of its chains in contact with simulated bodies [rad/s]
     hinge_count="i8",  # hinges of its chains
-    hinge_share="f8",  # response of its hinges over that to an impulse [1]
     hinge_factor=("f8", (HINGE_CAPACITY, HINGE_CAPACITY)),  # Cholesky factor of their inertia, root free
+    stiffest="f8",  # stiffness of the stiffest mode of the chains on which contacts act [1/s^2]
+    mode_terms=("f8", (CHAIN_JOINTS, CHAIN_JOINTS)),  # scratch of `hinge_modes`
+    mode_vectors=("f8", (CHAIN_JOINTS, CHAIN_JOINTS)),
     hinge_mover="i8",  # index of their first block in the solver
     is_solved="i8",  # 1: an island with its hinges has been solved
     hinge_response=("f8", (HINGE_CAPACITY,)),  # scratch

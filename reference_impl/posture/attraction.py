@@ -12,7 +12,7 @@ of a lag of ATTRACTION_TIME.
 
 from math import exp, inf, sqrt
 
-from touchstone.reference_impl.continuous.hinge_motion import follow_servo
+from touchstone.reference_impl.continuous.hinge_motion import follow_servos
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.kinematics.skeleton import pose_moved
 from touchstone.reference_impl.posture.posture_constraints import drop_constraints
@@ -34,6 +34,7 @@ def set_goals(joints, driver, h):
     """Set the angles and rates of hinges outside chains to the tracker's (a hand's to the glove's), the goal
     angles of chains for a frame of length h [s], and the stride, the largest turn of a hinge in it."""
     slow = 1 - exp(-h / ATTRACTION_TIME)
+    follow_servos(joints, driver, h)
     apart = moved = 0.0
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint = joints[k]
@@ -41,14 +42,13 @@ def set_goals(joints, driver, h):
             joint["angle"] = joint["target_angle"]
             joint["rate"] = joint["target_rate"]
         else:
-            wanted, before = joint["target_angle"], joint["offset"]
-            if follow_servo(joint, driver["hinge_frequency"], h):
-                wanted += joint["offset"]
+            wanted = joint["target_angle"] + joint["offset"]
             joint["goal_angle"] = min(
                 max(joint["angle"] + (wanted - joint["angle"]), joint["lower"]), joint["upper"]
             )
             apart += (wanted - joint["angle"]) ** 2
-            moved += (joint["target_angle"] - joint["last_target_angle"] + joint["offset"] - before) ** 2
+            bent = joint["offset"] - joint["old_offset"]
+            moved += (joint["target_angle"] - joint["last_target_angle"] + bent) ** 2
             joint["last_target_angle"] = joint["target_angle"]
     driver["stride"] = max(slow * sqrt(apart), sqrt(moved))
 

@@ -6,19 +6,19 @@ inertia of all links, and by the hinges of its chain:
 
     Y = J_r (1/m, I^-1) J_r' + J_h S^-1 J_h'
 
-S is the inertia of the hinges with the root free: their part of the joint-space inertia less the recoil of
-all links as one rigid body. It is that of the servos of the dynamics engines, whose stiffness is w^2 S and
-damping 2 w S: an offset x of the hinges from their path obeys x'' = -w^2 x - 2 w x' + S^-1 J_h' f, in closed
-form for each hinge. Static torques are therefore exact. Forces over a substep turn hinges without recoil of
-the root, which its own coupling holds. In an impact J_h has the recoil in it, and the root takes it up: Y is
-then that of the whole joint-space inertia.
+In an impact S is the inertia of the hinges with the root free, their part of the joint-space inertia less the
+recoil of all links as one rigid body; J_h has the recoil in it, and the root takes it up: Y is that of the
+whole joint-space inertia. Forces over a substep turn hinges without recoil of the root, which its own coupling
+holds: S^-1 is there V s V', with V the modes of a chain under its servos and s their responses, in closed form
+(`hinge_motion`). Static torques are therefore exact.
 
-The contact solver works with coordinates y of unit mass: x' = L^-T y, with S = L L'. Velocities and moments
-are taken at the driver's centre of mass.
+The contact solver works with coordinates y of unit mass: x' = L^-T y, with S = L L', or x' = V s^(1/2) y.
+Velocities and moments are taken at the driver's centre of mass.
 """
 
 from math import sqrt
 
+from touchstone.reference_impl.continuous.hinge_modes import weigh_chains
 from touchstone.reference_impl.continuous.mechanism_dynamics import (
     factorise,
     keep_loops,
@@ -34,18 +34,19 @@ from touchstone.reference_impl.kinematics.skeleton import composite_inertia
 
 @kernel
 def weigh_hinges(bodies, joints, driver):
-    """Compute a driver's composite centre and inertia, and factorise S, at its present posture; of a
-    mechanism, the inertia of its rates."""
+    """Compute a driver's composite centre and inertia, and factorise S and find the modes of its chains, at its
+    present posture; of a mechanism, the inertia of its rates."""
     if driver["mechanism"] == 1:
         pose_mechanism(bodies, joints, driver)
         weigh_mechanism(bodies, joints, driver)
         return
     composite_inertia(bodies, joints, driver, driver["center"], driver["inertia"])
     invert_symmetric(driver["inertia"], driver["inverse_inertia"])
-    if driver["loops"] == 1 and driver["hinge_count"] > 0:
+    if driver["hinge_count"] > 0 and (driver["loops"] == 1 or driver["hinge_factor"][0, 0] == 0):
         _sum_moved(bodies, joints, driver)
         _set_inertia(bodies, joints, driver)
         factorise(driver["hinge_factor"], driver["hinge_count"])
+        weigh_chains(joints, driver)
 
 
 @kernel
@@ -78,7 +79,8 @@ def _sum_moved(bodies, joints, driver):
 
 @kernel
 def _set_inertia(bodies, joints, driver):
-    """Compute S in the lower half of `hinge_factor`, with each hinge's arm and momenta."""
+    """Compute S in the lower half of `hinge_factor`, the inertia of chains with the root held in `coupling`,
+    and each hinge's arm and momenta."""
     first, end = driver["first_joint"], driver["first_joint"] + driver["joint_count"]
     s = driver["hinge_factor"]
     for k in range(first, end):
@@ -111,9 +113,10 @@ def _set_inertia(bodies, joints, driver):
         j = k
         while j >= 0:
             if joints[j]["coordinate"] >= 0:
-                s[row, joints[j]["coordinate"]] += dot(joints[j]["arm"], p) + dot(
-                    joints[j]["world_axis"], spin
-                )
+                held = dot(joints[j]["arm"], p) + dot(joints[j]["world_axis"], spin)
+                s[row, joints[j]["coordinate"]] += held
+                if joints[j]["chain"] == joints[k]["chain"]:
+                    joints[k]["coupling"][j - driver["chains"][joints[k]["chain"], 0]] = held
             j = joints[j]["inner"]
 
 
@@ -128,6 +131,15 @@ def set_response(joints, driver, k, out_link):
         _set_columns(joints, k, z)
         _solve_lower(driver, out_link)
         return
+    if driver["lasting"] == 1:
+        while k >= 0:
+            joint = joints[k]
+            if joint["coordinate"] >= 0:
+                for i in range(3):
+                    _add_modes(joints, driver, k, i, joint["arm"][i], z)
+                    _add_modes(joints, driver, k, 3 + i, joint["world_axis"][i], z)
+            k = joint["inner"]
+        return
     while k >= 0:
         joint, c = joints[k], joints[k]["coordinate"]
         if c >= 0:
@@ -136,11 +148,20 @@ def set_response(joints, driver, k, out_link):
         k = joint["inner"]
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint, c = joints[k], joints[k]["coordinate"]
-        if c >= 0 and driver["lasting"] == 0:
+        if c >= 0:
             for i in range(3):
                 z[c // 6, c % 6, i] -= joint["recoil"][i]
                 z[c // 6, c % 6, 3 + i] -= joint["recoil_turn"][i]
     _solve_lower(driver, out_link)
+
+
+@kernel
+def _add_modes(joints, driver, k, i, per_rate, out_z):
+    """Add to component i of a response what hinge k does, `per_rate`, by each mode of its chain."""
+    first = driver["chains"][joints[k]["chain"], 0]
+    for m in range(first, driver["chains"][joints[k]["chain"], 1] + 1):
+        c = joints[m]["coordinate"]
+        out_z[c // 6, c % 6, i] += joints[k]["modes"][m - first] * sqrt(joints[m]["share"]) * per_rate
 
 
 @kernel
@@ -159,22 +180,23 @@ def _set_columns(joints, k, out_z):
 
 
 @kernel
-def set_limit_response(driver, c, sign, out_link):
-    """Compute the rate of the hinge of coordinate c per coordinate of the driver's hinges, times a sign, as a
-    velocity along x."""
-    z = out_link["response"]
+def set_limit_response(joints, driver, k, sign, out_link):
+    """Compute the rate of hinge k per coordinate of the driver's hinges, times a sign, as a velocity along
+    x."""
+    z, c = out_link["response"], joints[k]["coordinate"]
     out_link["blocks"] = (driver["hinge_count"] + 5) // 6
     z[:, :, :] = 0.0
+    if driver["mechanism"] == 0 and driver["lasting"] == 1:
+        _add_modes(joints, driver, k, 0, sign, z)
+        return
     z[c // 6, c % 6, 0] = sign
     _solve_lower(driver, out_link)
 
 
 @kernel
 def _solve_lower(driver, link):
-    """Turn a link's velocities per rate of each hinge, J, into those per coordinate: rows of L^-1 J', times
-    the root of the hinges' share."""
+    """Turn a link's velocities per rate of each hinge, J, into those per coordinate: rows of L^-1 J'."""
     s, count, z = driver["hinge_factor"], driver["hinge_count"], link["response"]
-    root = sqrt(driver["hinge_share"])
     for c in range(count):
         row = z[c // 6, c % 6]
         for j in range(c):
@@ -185,10 +207,6 @@ def _solve_lower(driver, link):
         for i in range(6):
             row[i] /= s[c, c]
     _keep_loops(driver, z)
-    for b in range(link["blocks"]):
-        for c in range(6):
-            for i in range(6):
-                z[b, c, i] *= root
 
 
 @kernel

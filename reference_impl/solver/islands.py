@@ -282,7 +282,7 @@ def _load_limits(joints, driver, solver):
         solver["row_count"] += 1
         solver["link_count"] += 1
         link["mover"] = driver["hinge_mover"]
-        set_limit_response(driver, joint["coordinate"], joint["limited"], link)
+        set_limit_response(joints, driver, k, joint["limited"], link)
         row["friction"] = 0.0
         row["r_a"][:] = row["r_b"][:] = row["normal"][:] = row["impulse"][:] = 0.0
         row["free"][:] = row["before"][:] = 0.0
@@ -502,15 +502,15 @@ def store_island(bodies, joints, drivers, pairs, state):
 def _turn_hinges(bodies, joints, driver):
     """Change the rates of a driver's hinges by the coordinates in `hinge_response`, or note the change by an
     impulse at one instant of which they are the response over a substep."""
+    if driver["mechanism"] == 0 and driver["lasting"] == 1:
+        for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+            if joints[k]["coordinate"] >= 0:
+                y = driver["hinge_response"][joints[k]["coordinate"]]
+                joints[k]["twist"] += y / sqrt(joints[k]["share"])
+        return
     find_rates(driver)
     if driver["mechanism"] == 1:
         take_gains(bodies, joints, driver)
         return
-    if driver["lasting"] == 0:
-        turn_at_once(joints, driver)
-        move_links(bodies, joints, driver)
-        return
-    root = sqrt(driver["hinge_share"])
-    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        if joints[k]["coordinate"] >= 0:
-            joints[k]["twist"] += driver["hinge_response"][joints[k]["coordinate"]] / root
+    turn_at_once(joints, driver)
+    move_links(bodies, joints, driver)

@@ -31,7 +31,13 @@ from touchstone.adapters.contract import (
 )
 from touchstone.adapters.engines.reference.compiling import compile_seconds, frame_of, nothing, small_world
 from touchstone.adapters.engines.reference.mechanisms import set_exclusions
-from touchstone.adapters.engines.reference.reference_world import Units, body_order, kinematic, translate, units
+from touchstone.adapters.engines.reference.reference_world import (
+    Units,
+    body_order,
+    kinematic,
+    translate,
+    units,
+)
 from touchstone.adapters.engines.reference.settings import PAPER, configure, describe
 from touchstone.adapters.registry import ENGINES
 from touchstone.reference_impl.broad_phase.detection import detect

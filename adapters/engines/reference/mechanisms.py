@@ -126,7 +126,7 @@ def _set_coordinates(
     driver["root"], driver["first_joint"], driver["joint_count"] = rows[0]["child"], first, len(rows)
     driver["position_count"], driver["hinge_count"] = place, coordinate
     driver["mechanism"] = driver["loops"] = 1
-    driver["mass"] = driver["inverse_mass"] = driver["hinge_share"] = 1.0
+    driver["mass"] = driver["inverse_mass"] = 1.0
 
 
 def _set_beside(bodies: np.ndarray, a: int, b: int, name: str) -> None:

@@ -16,6 +16,7 @@ from touchstone.adapters.contract import Unsupported, contact_capacity
 from touchstone.adapters.engines.reference.mechanisms import with_mechanisms
 from touchstone.adapters.engines.reference.support_table import distinct, hull_rows, hull_width
 from touchstone.adapters.motion_bounds import extent
+from touchstone.adapters.servo import servo_stiffness
 from touchstone.reference_impl.core import conventions
 from touchstone.reference_impl.core.driver_dtypes import CHAIN_CAPACITY, CONE_CORNERS, DRIVER, JOINT
 from touchstone.reference_impl.core.state_dtype import MATERIAL_CAPACITY, STATE
@@ -326,6 +327,8 @@ def _joints(scenario: Scenario) -> np.ndarray:
             rows[name] = motion.angle[0]
         for name in ("rate", "target_rate"):
             rows[name] = motion.rate[0]
+        if any(name in tracker.joints for chain in scenario.chains for name in chain.joints):
+            rows["servo"] = servo_stiffness(scenario, tracker)
     return joints
 
 
