@@ -1,8 +1,9 @@
 """Bodies that move regardless of contacts: links (drive `posed`), prescribed bodies and moving surfaces.
 
 Without link dynamics contacts alone are compared, and their times. Engines differ in how a kinematic link's
-motion acts on bodies in contact: DART's contacts use its velocity; those of MuJoCo (mocap bodies) and pybullet
-(bodies without mass) do not. The reference's links are the limit of stiff couplings (`reference_world.kinematic`).
+motion acts on bodies in contact: DART's contacts use its velocity; those of MuJoCo (mocap bodies) and
+pybullet (bodies without mass) do not. The reference's links are the limit of stiff couplings (`kinematic` in
+`adapters/engines/reference/reference_world.py`).
 
 A prescribed body carries bodies in contact at its velocity in every engine. In a step it moves at the mean
 velocity of that step, as semi-implicit Euler moves all other bodies.

@@ -292,10 +292,10 @@ class Tracker(ShortRepr):
     """Path that a driven body follows: keyframes of its root's pose and of its hinges' angles.
 
     `stiffness` K [N/m] and `damping` R [N s/m] couple the root in translation (Eq. 6). In rotation the
-    coupling is critically damped at sqrt(K / m). An engine's hinges follow `angles` by a critically damped
-    servo of `hinge_frequency` [rad/s]; the reference sets them exactly. `held` counts keyframes that repeat
-    the last good sample. `interpolation`: pchip stays between keyframes; cubic, a spline, may leave them;
-    linear; or held: each time takes the next keyframe. A prescribed body follows its path exactly.
+    coupling is critically damped at sqrt(K / m). Hinges follow `angles` by a critically damped servo of
+    `hinge_frequency` [rad/s]; those outside chains the reference sets exactly. `held` counts keyframes that
+    repeat the last good sample. `interpolation`: pchip stays between keyframes; cubic, a spline, may leave
+    them; linear; or held: each time takes the next keyframe. A prescribed body follows its path exactly.
     """
 
     root: str

@@ -5,8 +5,8 @@
 The goal is the tracker, which moves linearly within a frame; in the direction in which overlap removal moved
 the driver, it is the pose that removal found. The equation is linear: over a substep of length h with a
 constant force its solution is the free motion plus f times the response of `coupling_response`, at any h. The
-rotation obeys the same equation, critically damped at sqrt(K / m), about the centre of mass. So do the modes of
-chains (`hinge_motion`).
+rotation obeys the same equation, critically damped at sqrt(K / m), about the centre of mass. So do the modes
+of chains (`hinge_motion`).
 
 The contact solver asks a law of velocities at the end of a substep. A coupling that is much faster than h
 moves by f / K within it, but has no velocity at its end. Rows with a driver therefore ask the law of

@@ -1,6 +1,9 @@
-"""Modes of a driver's chains: with M the inertia of a chain's hinges, its root held, and K the diagonal matrix
-of their servos, V with V'M V = 1 and V'K V diagonal, by Jacobi's rotations of K^-1/2 M K^-1/2, which keep
-small eigenvalues exact (Demmel & Veselic 1992)."""
+"""Modes of a driver's chains.
+
+With M the inertia of a chain's hinges, its root held, and K the diagonal matrix of their servos, V with
+V'M V = 1 and V'K V diagonal, by Jacobi's rotations of K^-1/2 M K^-1/2, which keep small eigenvalues exact
+(Demmel & Veselic 1992).
+"""
 
 from math import sqrt
 

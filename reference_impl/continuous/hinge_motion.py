@@ -75,8 +75,8 @@ def _follow_modes(joints, driver, first, end, t, h, share):
 
 @kernel
 def _find_motion(mode, driver, t, h):
-    """Compute the motion of a mode over a time t in a substep of length h, unless it is the last one asked: its
-    amplitude and rate per amplitude, and per rate, at the start, and per acceleration all the while."""
+    """Compute the motion of a mode over a time t in a substep of length h, unless it is the last one asked:
+    its amplitude and rate per amplitude, and per rate, at the start, and per acceleration all the while."""
     if mode["motion_time"] == t and mode["motion_length"] == h:
         return
     mode["motion_time"], mode["motion_length"] = t, h

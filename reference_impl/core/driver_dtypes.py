@@ -47,23 +47,20 @@ JOINT = record(
     end_angle="f8",  # angle, deviation and its rate that the driven loop left
     end_offset="f8",
     end_offset_rate="f8",
-    # of the k-th hinge of a chain: stiffness of its servo [N m/rad], inertia with each hinge of its chain, rate
-    # per amplitude of each of their modes; stiffness of the k-th mode [1/s^2], its response over a substep over
-    # that to an impulse [1], its amplitude and rate, and change of that rate by the impulses of the law of
-    # velocities, at one instant, and of the law of positions
-    touched="i8",  # of the first hinge, 1: contacts act on the chain
-    servo="f8",
-    coupling=("f8", (CHAIN_JOINTS,)),
-    modes=("f8", (CHAIN_JOINTS,)),
-    pace="f8",
-    share="f8",
-    motion=("f8", (6,)),
+    touched="i8",  # of a chain's first hinge, 1: contacts act on the chain
+    servo="f8",  # stiffness of its servo [N m/rad]
+    coupling=("f8", (CHAIN_JOINTS,)),  # inertia with the hinges of its chain up to itself, the root held
+    modes=("f8", (CHAIN_JOINTS,)),  # its rate per rate of each mode of its chain (`hinge_modes`)
+    # of a chain's k-th hinge, for its k-th mode
+    pace="f8",  # stiffness of the mode [1/s^2]; 0: not known yet
+    share="f8",  # response of the mode over a substep, over that to an impulse [1]
+    motion=("f8", (6,)),  # over `motion_time` in a substep of `motion_length` (`hinge_motion`)
     motion_time="f8",
     motion_length="f8",
     amplitude="f8",
     amplitude_rate="f8",
-    twist="f8",
-    shift_twist="f8",
+    twist="f8",  # change of that rate by the impulses of the law of velocities, at one instant
+    shift_twist="f8",  # that of the law of positions
     limited="i8",  # 1 or -1: its lower or upper limit is a row of the solver
     limit_floor="f8",  # least rate away from that limit, as the solver asks it [rad/s]
     limit_free="f8",  # that rate without impulses

@@ -6,11 +6,11 @@ inertia of all links, and by the hinges of its chain:
 
     Y = J_r (1/m, I^-1) J_r' + J_h S^-1 J_h'
 
-In an impact S is the inertia of the hinges with the root free, their part of the joint-space inertia less the
-recoil of all links as one rigid body; J_h has the recoil in it, and the root takes it up: Y is that of the
-whole joint-space inertia. Forces over a substep turn hinges without recoil of the root, which its own coupling
-holds: S^-1 is there V s V', with V the modes of a chain under its servos and s their responses, in closed form
-(`hinge_motion`). Static torques are therefore exact.
+In an impact S is the inertia of the hinges with the root free, their part of the joint-space inertia less
+the recoil of all links as one rigid body; J_h has the recoil in it, and the root takes it up: Y is that of
+the whole joint-space inertia. Forces over a substep turn hinges without recoil of the root, which its own
+coupling holds: S^-1 is there V s V', with V the modes of a chain under its servos and s their responses, in
+closed form (`hinge_motion`). Static torques are therefore exact.
 
 The contact solver works with coordinates y of unit mass: x' = L^-T y, with S = L L', or x' = V s^(1/2) y.
 Velocities and moments are taken at the driver's centre of mass.
@@ -34,7 +34,7 @@ from touchstone.reference_impl.kinematics.skeleton import composite_inertia
 
 @kernel
 def weigh_hinges(bodies, joints, driver):
-    """Compute a driver's composite centre and inertia, and factorise S and find the modes of its chains, at its
+    """Compute a driver's composite centre and inertia, factorise S and find the modes of its chains, at its
     present posture; of a mechanism, the inertia of its rates."""
     if driver["mechanism"] == 1:
         pose_mechanism(bodies, joints, driver)
