@@ -57,7 +57,7 @@ def test_links_are_where_they_are_shown(registry: SimpleNamespace, snip: Scenari
 
 @pytest.mark.parametrize(("drive", "most"), [("posed", 1e-3), ("native", 0.016)])
 def test_two_codes_push_a_box_alike(registry: SimpleNamespace, drive: str, most: float) -> None:
-    """A person pushes a box by 0.8 m in the reference as in DART: to a millimetre with kinematic links, and to
+    """A person pushes a box by 0.8 m in the reference as in DART: to 1 mm with kinematic links, and to
     2 % of the way where the hinges' servos give way."""
     scene, until = catalogue()["push_box"], 2.0
     columns = {"reference": ("balanced", EQUAL), "dart": ("accurate", FINE)}
