@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
-from touchstone.scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, person_tracker, reach
+from touchstone.scenarios.avatar.postures import (
+    CLEARANCE,
+    HINGE_FREQUENCY,
+    LEFT,
+    RIGHT,
+    person_tracker,
+    reach,
+)
 from touchstone.scenarios.avatar.tracking import ease
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.materials import TABLE_1
@@ -26,6 +35,9 @@ AHEAD, LOW = 0.42, SHOULDER[2] - 0.42
 """Middle of that box in the torso's frame: x and z [m]."""
 SQUEEZE, RISE = 0.05, 0.15
 """Depth of the hands' goals in the box, and rise of the hands [m]."""
+GRIP = 80.0
+"""Frequency of the servos of a person that holds a box [rad/s]: at a person's usual 40 its arms give way, and
+the box slips out."""
 CARRIED: Vector = (0.08, 0.2, 0.05)
 """Half extents of the box on the hands [m]."""
 PALMS: Vector = (0.42, 0.14, SHOULDER[2] - 0.33)
@@ -50,6 +62,7 @@ def hold() -> Scenario:
         HELD,
         (AHEAD, 0.0, HEIGHT + LOW),
         (0.1, 0.15, 0.02),
+        GRIP,
     )
 
 
@@ -68,6 +81,7 @@ def carry() -> Scenario:
         CARRIED,
         (PALMS[0], 0.0, HEIGHT + PALMS[2] + CLEAR + CARRIED[2]),
         (0.1, 0.04, 0.02),
+        HINGE_FREQUENCY,
     )
 
 
@@ -80,12 +94,14 @@ def _scene(
     half: Vector,
     middle: Vector,
     table: Vector,
+    frequency: float,
 ) -> Scenario:
-    """A person that stands at x = `way` (n,) [m] with its hands at points (n, 3) of the torso's frame, and a
-    box in its `middle` on a table, both of given half extents [m]."""
+    """A person that stands at x = `way` (n,) [m] with its hands at points (n, 3) of the torso's frame, with
+    servos of this frequency [rad/s], and a box in its `middle` on a table, both of given half extents [m]."""
     bodies, joints, chains = avatar_parts()
     below = middle[2] - half[2] - table[2]
     arms = (reach(side, points) for side, points in zip((LEFT, RIGHT), hands))
+    tracker = person_tracker(times, np.column_stack((way, np.zeros_like(way))), 0.0, *arms)
     return Scenario(
         name=name,
         summary=summary,
@@ -98,7 +114,7 @@ def _scene(
         ),
         joints=joints,
         chains=chains,
-        trackers=(person_tracker(times, np.column_stack((way, np.zeros_like(way))), 0.0, *arms),),
+        trackers=(replace(tracker, hinge_frequency=frequency),),
         coefficients=TABLE_1,
         duration=float(times[-1]),
         frame_rate=FRAME_RATE,
