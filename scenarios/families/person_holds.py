@@ -33,9 +33,9 @@ HELD: Vector = (0.06, 0.12, 0.1)
 """Half extents of the box between the hands [m]."""
 AHEAD, LOW = 0.42, SHOULDER[2] - 0.42
 """Middle of that box in the torso's frame: x and z [m]."""
-SQUEEZE, RISE = 0.05, 0.15
+SQUEEZE, RISE = 0.03, 0.15
 """Depth of the hands' goals in the box, and rise of the hands [m]."""
-GRIP = 80.0
+GRIP = 120.0
 """Frequency of the servos of a person that holds a box [rad/s]: at a person's usual 40 its arms give way, and
 the box slips out."""
 CARRIED: Vector = (0.08, 0.2, 0.05)
