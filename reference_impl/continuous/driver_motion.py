@@ -36,7 +36,6 @@ from touchstone.reference_impl.continuous.hinge_motion import (
     return_hinges,
     set_lead_rates,
     set_shares,
-    slowest_response,
 )
 from touchstone.reference_impl.continuous.mechanism_motion import (
     begin_mechanism,
@@ -167,7 +166,9 @@ def _stiff_lead(driver, h):
         return 0.0
     _, speed = unit_response(driver["stiffness"] / driver["mass"], _damping(driver, h), h)
     if driver["hinge_count"] > 0:
-        speed = min(speed, slowest_response(driver, h))
+        w = driver["hinge_frequency"]
+        _, spin = unit_response(w * w, 2 * w, h)
+        speed = min(speed, spin)
     return STIFF_LEAD * min(1 - speed / h, 1.0)
 
 

@@ -20,8 +20,7 @@ UNCOUPLED = 1e-15
 @kernel
 def weigh_chains(joints, driver):
     """Find the modes of the chains on which contacts or limits act, from their `coupling` at the present
-    posture, and the stiffest of them. Others keep theirs."""
-    driver["stiffest"] = 0.0
+    posture. Others keep theirs."""
     for i in range(driver["chain_count"]):
         first, end = driver["chains"][i, 0], driver["chains"][i, 1] + 1
         acts = joints[first]["touched"] == 1
@@ -29,8 +28,6 @@ def weigh_chains(joints, driver):
             acts = acts or joints[k]["limited"] != 0
         if acts:
             find_modes(joints, driver, first, end)
-            for m in range(first, end):
-                driver["stiffest"] = max(driver["stiffest"], joints[m]["pace"])
 
 
 @kernel

@@ -106,13 +106,6 @@ def set_shares(joints, driver, lead, h):
 
 
 @kernel
-def slowest_response(driver, h):
-    """Velocity of the stiffest mode after a substep of a constant unit acceleration, the least of all [s]."""
-    _, speed = unit_response(driver["stiffest"], _damping(driver, driver["stiffest"], h), h)
-    return speed
-
-
-@kernel
 def enter_hinges(joints, driver, dt):
     """Set the hinges' paths of a frame: from the angles at its start to those that the driven loop left."""
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):

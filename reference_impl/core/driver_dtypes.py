@@ -163,7 +163,6 @@ DRIVER = record(
     hinge_frequency="f8",  # of the servo of its chains in contact with simulated bodies [rad/s]
     hinge_count="i8",  # hinges of its chains
     hinge_factor=("f8", (HINGE_CAPACITY, HINGE_CAPACITY)),  # Cholesky factor of their inertia, root free
-    stiffest="f8",  # stiffness of the stiffest mode of the chains on which contacts act [1/s^2]
     mode_terms=("f8", (CHAIN_JOINTS, CHAIN_JOINTS)),  # scratch of `hinge_modes`
     mode_vectors=("f8", (CHAIN_JOINTS, CHAIN_JOINTS)),
     hinge_mover="i8",  # index of their first block in the solver
