@@ -8,14 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
-from touchstone.scenarios.avatar.postures import (
-    CLEARANCE,
-    HINGE_FREQUENCY,
-    LEFT,
-    RIGHT,
-    person_tracker,
-    reach,
-)
+from touchstone.scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, person_tracker, reach
 from touchstone.scenarios.avatar.tracking import ease
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.materials import TABLE_1
@@ -53,7 +46,7 @@ def hold() -> Scenario:
     close, up = ease(times, 0.1, 0.5), ease(times, 0.9, 1.0)
     apart = HELD[1] + 0.06 - (0.04 + SQUEEZE) * close
     hands = [np.column_stack((np.full_like(times, AHEAD), side * apart, LOW + RISE * up)) for side in (1, -1)]
-    return _scene(
+    scenario = _scene(
         "hold",
         "a person holds a box between its hands",
         times,
@@ -62,8 +55,8 @@ def hold() -> Scenario:
         HELD,
         (AHEAD, 0.0, HEIGHT + LOW),
         (0.1, 0.15, 0.02),
-        GRIP,
     )
+    return replace(scenario, trackers=(replace(scenario.trackers[0], hinge_frequency=GRIP),))
 
 
 @scene
@@ -81,7 +74,6 @@ def carry() -> Scenario:
         CARRIED,
         (PALMS[0], 0.0, HEIGHT + PALMS[2] + CLEAR + CARRIED[2]),
         (0.1, 0.04, 0.02),
-        HINGE_FREQUENCY,
     )
 
 
@@ -94,14 +86,12 @@ def _scene(
     half: Vector,
     middle: Vector,
     table: Vector,
-    frequency: float,
 ) -> Scenario:
-    """A person that stands at x = `way` (n,) [m] with its hands at points (n, 3) of the torso's frame, with
-    servos of this frequency [rad/s], and a box in its `middle` on a table, both of given half extents [m]."""
+    """A person that stands at x = `way` (n,) [m] with its hands at points (n, 3) of the torso's frame, and a
+    box in its `middle` on a table, both of given half extents [m]."""
     bodies, joints, chains = avatar_parts()
     below = middle[2] - half[2] - table[2]
     arms = (reach(side, points) for side, points in zip((LEFT, RIGHT), hands))
-    tracker = person_tracker(times, np.column_stack((way, np.zeros_like(way))), 0.0, *arms)
     return Scenario(
         name=name,
         summary=summary,
@@ -114,7 +104,7 @@ def _scene(
         ),
         joints=joints,
         chains=chains,
-        trackers=(replace(tracker, hinge_frequency=frequency),),
+        trackers=(person_tracker(times, np.column_stack((way, np.zeros_like(way))), 0.0, *arms),),
         coefficients=TABLE_1,
         duration=float(times[-1]),
         frame_rate=FRAME_RATE,
