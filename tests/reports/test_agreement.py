@@ -124,7 +124,7 @@ def test_a_scene_without_a_closed_form_is_measured_against_a_band(
     still = np.zeros((scene.frame_count + 1, 1, 3))
     moved = np.linspace(0, 1, scene.frame_count + 1)[:, None, None] * np.array([1.0, 0, 0]) + still
     places = {"reference": 0.1, "dart": 0.0, "bullet": 0.01, "mujoco": 0.02}
-    assert {one.settings.drive for one in agreement.band_cells(scene)} == {"posed"}
+    assert {one.settings.drive for one in agreement.own_cells(scene)} == {"posed"}
 
     def run_of(_: object, cell: Cell) -> CellRun:
         off = places[cell.engine] + (0.005 if cell.profile in ("balanced", "recommended") else 0.0)
