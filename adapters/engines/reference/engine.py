@@ -1,8 +1,8 @@
 """Adapter of the reference: translate a scenario to arrays, run one compiled step per frame, read the state.
 
-The contract's conventions are the reference's own. A step covers a whole frame and includes the drive. The
-reference sets its hinges to the tracker's angles, so the work of the drive is unknown (NaN). Its contacts
-record the time of the impulse and the velocities before and after it.
+The contract's conventions are the reference's own. A step covers a whole frame and includes the drive, which
+finds postures among fixed bodies by geometry, so its work is unknown (NaN). Its contacts record the time of
+the impulse and the velocities before and after it.
 """
 
 from __future__ import annotations
