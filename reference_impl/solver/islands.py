@@ -504,7 +504,8 @@ def _turn_hinges(bodies, joints, driver):
     impulse at one instant of which they are the response over a substep."""
     if driver["mechanism"] == 0 and driver["lasting"] == 1:
         for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-            if joints[k]["coordinate"] >= 0:
+            # what no contact touches has no response
+            if joints[k]["coordinate"] >= 0 and joints[k]["share"] > 0:
                 y = driver["hinge_response"][joints[k]["coordinate"]]
                 joints[k]["twist"] += y / sqrt(joints[k]["share"])
         return
