@@ -175,10 +175,12 @@ class Drive:
         return found
 
     def largest_torques(self, step: int, angle: Array, rate: Array) -> Array:
-        """Bounds (j,) [N m] on `hinge_torques`, for any signs of the errors at the step's start."""
+        """Bounds (j,) [N m] on the torques of an engine's own servos, for any signs of the errors at the
+        step's start."""
         error = np.abs(self.target.angle[step] - angle)
         error_rate = np.abs(self.target.rate[step] - rate)
-        return np.abs(self.hinge_stiffness) @ error + np.abs(self.hinge_damping) @ error_rate
+        found: Array = self.servo_stiffness * error + self.servo_damping * error_rate
+        return found
 
     def wrench(
         self, step: int, position: Array, orientation: Array, velocity: Array, omega: Array
