@@ -7,8 +7,8 @@ ROW_CAPACITY = 16_384
 """Most contact points of one island; the solver drops further ones and counts them as lost."""
 MOVER_CAPACITY = 8_192
 """Most movers of one island."""
-NEWTON_ROWS, NEWTON_MOVERS, NEWTON_BLOCKS = 2_048, 192, 5_000
-"""Largest island for Newton's method: contact points, movers, and blocks of half the matrix's envelope."""
+NEWTON_ROWS, NEWTON_MOVERS, NEWTON_BLOCKS = 8_192, 1_024, 60_000
+"""Largest island for Newton's method: contact points, movers, and slots of blocks."""
 
 LINK_CAPACITY = 256
 """Most links of chains in contact in one island."""
@@ -117,7 +117,6 @@ MOVER = record(
     omega_direction=VECTOR,
     inertia=MATRIX,
     place="i8",  # index of its block of six unknowns in the matrix
-    first_place="i8",  # least such index among itself and the movers in contact with it
 )
 LINK = record(
     mover="i8",  # index of its driver's first block of hinges
@@ -159,9 +158,10 @@ SOLVER = record(
     block=("f8", (2 + 2 * HINGE_BLOCKS, 3, 6)),
     outer=("f8", (2, 2 + 2 * HINGE_BLOCKS, 6)),  # two vectors over the blocks, whose product is added
     order=("i8", (NEWTON_MOVERS,)),  # mover of each block
-    # envelope: blocks (p, q) and (q, p), p >= q, from entry 36 (offset[p] + q) of their half; first q of p
-    offset=("i8", (NEWTON_MOVERS,)),
-    begin=("i8", (NEWTON_MOVERS,)),
+    near=("u8", (NEWTON_MOVERS, NEWTON_MOVERS // 64)),  # a bit for each neighbour of each mover
+    degree=("i8", (NEWTON_MOVERS,)),
+    begin=("i8", (NEWTON_MOVERS + 1,)),  # first slot of each column, and row of each slot
+    slot_row=("i8", (NEWTON_BLOCKS,)),
     lower=("f8", (36 * NEWTON_BLOCKS,)),
     upper=("f8", (36 * NEWTON_BLOCKS,)),
     gradient=("f8", (6 * NEWTON_MOVERS,)),

@@ -29,7 +29,7 @@ from touchstone.reference_impl.solver.contact_rows import (
     rebuild,
     residual_of,
 )
-from touchstone.reference_impl.solver.envelope import (
+from touchstone.reference_impl.solver.block_matrix import (
     add_row,
     begin_matrix,
     factorise,

@@ -23,7 +23,7 @@ from touchstone.reference_impl.solver.contact_rows import (
     rebuild,
     residual_of,
 )
-from touchstone.reference_impl.solver.envelope import (
+from touchstone.reference_impl.solver.block_matrix import (
     add_row,
     begin_matrix,
     factorise,
@@ -246,7 +246,7 @@ def _gradient(solver, s):
 
 @kernel
 def _assemble(solver):
-    """Assemble the derivative of g in its envelope: M + sum of J^T k P' J."""
+    """Assemble the derivative of g: M + sum of J^T k P' J."""
     begin_matrix(solver)
     for k in range(solver["row_count"]):
         if _derivative(solver["rows"][k], solver["kernel"]):

@@ -58,7 +58,7 @@ from touchstone.reference_impl.solver.contact_rows import (
     solve_row,
     take_best,
 )
-from touchstone.reference_impl.solver.envelope import lay_out
+from touchstone.reference_impl.solver.block_matrix import lay_out
 from touchstone.reference_impl.solver.face_load import even_out, find_faces, take_any_load
 from touchstone.reference_impl.solver.islands import (
     has_moment,

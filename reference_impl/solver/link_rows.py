@@ -7,9 +7,10 @@ solver treats as further movers: three as a velocity, three as an angular veloci
 import numpy as np
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel, vectorised_kernel
+from touchstone.reference_impl.solver.elimination_order import slot
 
 ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
-"""Unsigned, as in `envelope`."""
+"""Unsigned, as in `block_matrix`."""
 
 
 @kernel
@@ -160,50 +161,6 @@ def _new_block(solver, place):
 
 
 @kernel
-def touches(solver, row, m):
-    """Whether mover m is one of a row's."""
-    if row["a"] == m or row["b"] == m:
-        return True
-    for side in range(2):
-        link = row["link_b"] if side else row["link_a"]
-        if link >= 0 and 0 <= m - _first(solver, link) < solver["links"][link]["blocks"]:
-            return True
-    return False
-
-
-@kernel
-def order_all(solver, row, listed):
-    """Order all movers of a row that are not yet; returns the number ordered."""
-    for m in range(solver["mover_count"]):
-        if solver["movers"][m]["place"] < 0 and touches(solver, row, m):
-            solver["order"][listed], solver["movers"][m]["place"] = m, listed
-            listed += 1
-    return listed
-
-
-@kernel
-def order_next(solver, listed):
-    """Order the first mover that is not yet; returns the number ordered."""
-    for m in range(solver["mover_count"]):
-        if solver["movers"][m]["place"] < 0:
-            solver["order"][listed], solver["movers"][m]["place"] = m, listed
-            return listed + 1
-    return listed
-
-
-@kernel
-def lower_first_places(solver, row):
-    """Lower the `first_place` of a row's movers to the least place among them."""
-    least = solver["mover_count"]
-    for m in range(solver["mover_count"]):
-        if touches(solver, row, m):
-            least = min(least, solver["movers"][m]["place"])
-    for m in range(solver["mover_count"]):
-        if touches(solver, row, m):
-            solver["movers"][m]["first_place"] = min(solver["movers"][m]["first_place"], least)
-
-
-@kernel
 def subtract_from_link(solver, link, r, px, py, pz):
     """Subtract J^T p of a link's hinges from the gradient."""
     first, z = _first(solver, link), solver["links"][link]["response"]
@@ -246,7 +203,7 @@ def add_listed(solver):
         x, y, z = _times(k, j, 0), _times(k, j, 1), _times(k, j, 2)
         for other in range(solver["block_count"]):
             q, j = solver["block_place"][other], solver["block"][other]
-            at = np.uint64(36 * (solver["offset"][max(p, q)] + min(p, q)))
+            at = slot(solver, max(p, q), min(p, q))
             # the block (q, p) of J^T K J: its rows are contiguous above the diagonal, its columns below it
             for r in range(6):
                 if q <= p:
@@ -265,16 +222,16 @@ def add_product(solver):
         p, b = solver["block_place"][i], solver["outer"][1, i]
         for other in range(solver["block_count"]):
             q, a = solver["block_place"][other], solver["outer"][0, other]
-            at = 36 * (solver["offset"][max(p, q)] + min(p, q))
+            at = slot(solver, max(p, q), min(p, q))
             # stored as in `add_listed`
             for r in range(6):
                 for c in range(6):
                     if q < p:
-                        upper[at + 6 * r + c] += a[r] * b[c]
+                        upper[at + np.uint64(6 * r + c)] += a[r] * b[c]
                     elif q == p:
-                        lower[at + 6 * r + c] += a[r] * b[c]
+                        lower[at + np.uint64(6 * r + c)] += a[r] * b[c]
                     else:
-                        lower[at + 6 * r + c] += b[r] * a[c]
+                        lower[at + np.uint64(6 * r + c)] += b[r] * a[c]
 
 
 @inlined_kernel

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, SOLVER
-from touchstone.reference_impl.solver.envelope import (
+from touchstone.reference_impl.solver.block_matrix import (
     add_row,
     begin_matrix,
     factorise,

@@ -1,26 +1,19 @@
-"""Matrix with six unknowns per mover in a symmetric envelope: ordering, LU factorisation and solution.
+"""Matrix with six unknowns per mover in sparse blocks: LU factorisation and solution.
 
-The matrix consists of blocks of 6 x 6, one per pair of movers. Mover p has the blocks (p, q) of the lower
-half and (q, p) of the upper half for q from `begin[p]` to p; the factorisation causes no fill-in outside
-(Jennings 1966). Movers are ordered breadth first from an end of the island (Cuthill & McKee 1969): the
-envelope stays narrow.
-
-Both blocks are stored from entry 36 (offset[p] + q) of their half: those of the upper half by rows, those of
-the lower half transposed. So all loops of the factorisation run along rows of six contiguous entries.
+The matrix consists of blocks of 6 x 6, one per pair of movers that `elimination_order` joins, in its slots. A
+slot stores two blocks from entry 36 s of their half: the upper one (k, p) by rows, the lower one (p, k)
+transposed. So all loops of the factorisation run along rows of six contiguous entries.
 """
 
 import numpy as np
 
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel, vectorised_kernel
 from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, NEWTON_MOVERS, NEWTON_ROWS
+from touchstone.reference_impl.solver.elimination_order import is_near, order_movers, slot
 from touchstone.reference_impl.solver.link_rows import (
     add_blocks,
     add_link_rate,
-    lower_first_places,
-    order_all,
-    order_next,
     subtract_from_link,
-    touches,
 )
 from touchstone.reference_impl.solver.tolerances import NEWTON_INNER, NEWTON_WORK
 
@@ -31,36 +24,27 @@ indices for negative values, which doubles the time."""
 
 @kernel
 def lay_out(solver):
-    """Order the movers, lay out the envelope and set the solver's `work`, once per solve: it is 0 before.
+    """Order the movers, lay out the matrix and set the solver's `work`, once per solve: it is 0 before.
     Returns whether the island fits."""
-    movers, count = solver["movers"], solver["mover_count"]
+    count = solver["mover_count"]
     if solver["work"] != 0:
         return solver["work"] > 0
     solver["work"] = -1.0
     if count > NEWTON_MOVERS or solver["row_count"] > NEWTON_ROWS:
         return False
-    # the last mover of a first ordering is an end of the island
-    end = _order_from(solver, 0)
-    _order_from(solver, end)
-    for m in range(count):
-        movers[m]["first_place"] = movers[m]["place"]
-    for k in range(solver["row_count"]):
-        row = solver["rows"][k]
-        if row["a"] >= 0 and row["b"] >= 0:
-            a, b = movers[row["a"]], movers[row["b"]]
-            a["first_place"] = min(a["first_place"], b["place"])
-            b["first_place"] = min(b["first_place"], a["place"])
-        if row["link_a"] >= 0 or row["link_b"] >= 0:
-            lower_first_places(solver, row)
+    order_movers(solver)
     used, work = 0, 0.0
-    for place in range(count):
-        begin = movers[solver["order"][place]]["first_place"]
-        if used + place - begin + 1 > NEWTON_BLOCKS:
+    for k in range(count):
+        m = solver["order"][k]
+        solver["begin"][k], wide = used, 1 + solver["degree"][m]
+        if used + wide > NEWTON_BLOCKS:
             return False
-        solver["begin"][place], solver["offset"][place] = begin, used - begin
-        used += place - begin + 1
-        for i in range(6 * (place - begin) + 1, 6 * (place - begin) + 7):
-            work += i * i
+        for p in range(k, count):
+            if p == k or is_near(solver, m, solver["order"][p]):
+                solver["slot_row"][used] = p
+                used += 1
+        work += 216.0 * wide * wide
+    solver["begin"][count] = used
     # an outer iteration of Newton's method would exceed the frame's budget
     if NEWTON_INNER * work > NEWTON_WORK:
         return False
@@ -68,43 +52,20 @@ def lay_out(solver):
     return True
 
 
-@kernel
-def _order_from(solver, first):
-    """Order the movers breadth first from one of them; returns the last."""
-    movers, order, count = solver["movers"], solver["order"], solver["mover_count"]
-    for m in range(count):
-        movers[m]["place"] = -1
-    order[0], movers[first]["place"], listed = first, 0, 1
-    for place in range(count):
-        # links of one driver that touch move apart by its hinges alone: no row moves its root
-        if place == listed:
-            listed = order_next(solver, listed)
-        m = order[place]
-        for k in range(solver["row_count"]):
-            a, b = solver["rows"][k]["a"], solver["rows"][k]["b"]
-            other = b if a == m else (a if b == m else -1)
-            if other >= 0 and movers[other]["place"] < 0:
-                order[listed], movers[other]["place"] = other, listed
-                listed += 1
-            if solver["link_count"] > 0 and touches(solver, solver["rows"][k], m):
-                listed = order_all(solver, solver["rows"][k], listed)
-    return order[count - 1]
-
-
 @inlined_kernel
-def _entry(solver, p, q):
-    """First entry of the blocks (p, q) and (q, p), p >= q, in their halves."""
-    return np.uint64(36 * (solver["offset"][p] + q))
+def _own(solver, p):
+    """First entry of the diagonal block of a place."""
+    return np.uint64(36 * solver["begin"][p])
 
 
 @kernel
 def begin_matrix(solver):
     """Set the matrix to the masses and inertias M of the movers."""
     movers, lower, upper, count = solver["movers"], solver["lower"], solver["upper"], solver["mover_count"]
-    for i in range(_entry(solver, count - 1, count)):
+    for i in range(_own(solver, count)):
         lower[i] = upper[i] = 0.0
     for m in range(count):
-        at, inertia = _entry(solver, movers[m]["place"], movers[m]["place"]), movers[m]["inertia"]
+        at, inertia = _own(solver, movers[m]["place"]), movers[m]["inertia"]
         for i in range(3):
             lower[at + np.uint64(7 * i)] = 1 / movers[m]["inverse_mass"]
             for j in range(3):
@@ -121,11 +82,11 @@ def add_row(solver, row):
     p = movers[row["b"]]["place"] if row["b"] >= 0 else -1
     q = movers[row["a"]]["place"] if row["a"] >= 0 else -1
     if p >= 0:
-        _add_block(lower, _entry(solver, p, p), row["r_b"], 1.0, _times_jacobian(solver, row["r_b"], False))
+        _add_block(lower, _own(solver, p), row["r_b"], 1.0, _times_jacobian(solver, row["r_b"], False))
     if q >= 0:
-        _add_block(lower, _entry(solver, q, q), row["r_a"], 1.0, _times_jacobian(solver, row["r_a"], False))
+        _add_block(lower, _own(solver, q), row["r_a"], 1.0, _times_jacobian(solver, row["r_a"], False))
     if p >= 0 and q >= 0:
-        at = _entry(solver, max(p, q), min(p, q))
+        at = slot(solver, max(p, q), min(p, q))
         first, second = (row["r_a"], row["r_b"]) if p > q else (row["r_b"], row["r_a"])
         _add_block(upper, at, first, -1.0, _times_jacobian(solver, second, False))
         _add_block(lower, at, first, -1.0, _times_jacobian(solver, second, True))
@@ -192,23 +153,28 @@ def _add_moment(entries, at, x, one, y, two):
 @vectorised_kernel
 def factorise(solver):
     """Factorise into L U in place without pivoting; L has a unit diagonal, that of U is stored inverted."""
-    lower, upper, begin = solver["lower"], solver["upper"], solver["begin"]
-    for p in range(solver["mover_count"]):
-        own = _entry(solver, p, p)
-        # the upper half has no diagonal blocks: it stores the diagonal
+    lower, upper, begin, row = solver["lower"], solver["upper"], solver["begin"], solver["slot_row"]
+    # the upper half has no diagonal blocks: it stores the diagonal
+    for k in range(solver["mover_count"]):
+        own = _own(solver, k)
         for i in range(6):
             upper[own + np.uint64(i)] = lower[own + np.uint64(7 * i)]
-        for q in range(begin[p], p):
-            at = _entry(solver, p, q)
-            for k in range(max(begin[p], begin[q]), q):
-                _subtract_product(upper, at, lower, _entry(solver, q, k), upper, _entry(solver, p, k))
-                _subtract_product(lower, at, upper, _entry(solver, q, k), lower, _entry(solver, p, k))
-            _divide(upper, at, lower, _entry(solver, q, q), True)
-            _divide(lower, at, lower, _entry(solver, q, q), False)
-        for q in range(begin[p], p):
-            at = _entry(solver, p, q)
-            _subtract_product(lower, own, lower, at, upper, at)
+    for k in range(solver["mover_count"]):
+        own, first, end = _own(solver, k), begin[k] + 1, begin[k + 1]
         _factorise_block(lower, own, upper)
+        for s in range(first, end):
+            _divide(upper, np.uint64(36 * s), lower, own, True)
+            _divide(lower, np.uint64(36 * s), lower, own, False)
+        for s in range(first, end):
+            one, target = np.uint64(36 * s), begin[row[s]]
+            _subtract_product(lower, np.uint64(36 * target), lower, one, upper, one)
+            for t in range(s + 1, end):
+                # column row[s] has all later rows of column k
+                while row[target] != row[t]:
+                    target += 1
+                at, two = np.uint64(36 * target), np.uint64(36 * t)
+                _subtract_product(upper, at, lower, one, upper, two)
+                _subtract_product(lower, at, upper, one, lower, two)
 
 
 @inlined_kernel
@@ -286,24 +252,24 @@ def _factorise_block(lower, at, upper):
 def solve_factors(solver):
     """Solve for the step: minus the inverse of the matrix times the gradient."""
     lower, upper, begin, x = solver["lower"], solver["upper"], solver["begin"], solver["step"]
-    count = solver["mover_count"]
-    for p in range(count):
-        own, base = _entry(solver, p, p), np.uint64(6 * p)
+    row, count = solver["slot_row"], solver["mover_count"]
+    for i in range(6 * count):
+        x[i] = -solver["gradient"][i]
+    for k in range(count):
+        own, base = _own(solver, k), np.uint64(6 * k)
         for i in range(6):
-            x[base + np.uint64(i)] = -solver["gradient"][base + np.uint64(i)]
-        for q in range(begin[p], p):
-            _subtract_transposed(x, base, lower, _entry(solver, p, q), np.uint64(6 * q))
-        for i in range(6):
-            for k in range(i):
-                x[base + np.uint64(i)] -= lower[own + np.uint64(6 * i + k)] * x[base + np.uint64(k)]
-    for p in range(count - 1, -1, -1):
-        own, base = _entry(solver, p, p), np.uint64(6 * p)
+            for j in range(i):
+                x[base + np.uint64(i)] -= lower[own + np.uint64(6 * i + j)] * x[base + np.uint64(j)]
+        for s in range(begin[k] + 1, begin[k + 1]):
+            _subtract_transposed(x, np.uint64(6 * row[s]), lower, np.uint64(36 * s), base)
+    for k in range(count - 1, -1, -1):
+        own, base = _own(solver, k), np.uint64(6 * k)
+        for s in range(begin[k] + 1, begin[k + 1]):
+            _subtract_rows(x, base, upper, np.uint64(36 * s), np.uint64(6 * row[s]))
         for i in range(5, -1, -1):
-            for k in range(i + 1, 6):
-                x[base + np.uint64(i)] -= lower[own + np.uint64(6 * i + k)] * x[base + np.uint64(k)]
+            for j in range(i + 1, 6):
+                x[base + np.uint64(i)] -= lower[own + np.uint64(6 * i + j)] * x[base + np.uint64(j)]
             x[base + np.uint64(i)] *= lower[own + np.uint64(7 * i)]
-        for q in range(begin[p], p):
-            _subtract_rows(x, np.uint64(6 * q), upper, _entry(solver, p, q), base)
 
 
 @inlined_kernel
