@@ -81,7 +81,7 @@ from touchstone.reference_impl.posture.global_depth import largest_depth
 from touchstone.reference_impl.posture.overlap_removal import remove_overlap
 from touchstone.reference_impl.posture.virtual_coupling import follow_tracker
 from touchstone.reference_impl.solver.hinge_response import weigh_hinges
-from touchstone.reference_impl.solver.tolerances import NEWTON_WORK, RESIDUAL_OPEN
+from touchstone.reference_impl.solver.tolerances import RESIDUAL_OPEN
 
 DENSE_CALM = 4
 """Events of a crowded frame from which the next one is crowded from its start."""
@@ -148,7 +148,7 @@ def step(bodies, pieces, joints, drivers, vertices, pairs, contacts, state):
     s["stage_seconds"][:] = 0.0
     s["contact_count"] = 0
     s["residual"] = s["dropped_time"] = s["parted_energy"] = s["guarded_energy"] = s["moment_work"] = 0.0
-    s["newton_work"] = NEWTON_WORK
+    s["work_left"] = s["frame_work"]
     s["missed_before"], s["missed"] = s["missed"], 0
     s["residual_body_a"] = s["residual_body_b"] = -1
     if s["skip_drive"] == 0:

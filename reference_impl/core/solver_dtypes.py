@@ -131,6 +131,7 @@ SOLVER = record(
     led="i8",  # 1: a driver in the loop is among the movers, and the rows ask the law of `driver_motion`
     best_residual="f8",  # [m/s]
     target="f8",  # residual at which a solve ends [m/s]
+    accepted="f8",  # residual at which a solve counts as converged [m/s]
     work="f8",  # multiplications of a factorisation; 0 before `lay_out`, -1 if the island is too large for it
     rows=(ROW, (ROW_CAPACITY,)),
     face_count="i8",

@@ -48,6 +48,8 @@ STATE = record(
     contact_turn="f8",  # largest turn of a curved contact within half a substep [rad]
     joint_error="f8",  # error of a step of mechanisms [m or rad]
     event_rows="i8",  # contact rows of a frame's event-driven substeps, beyond which substeps are dense
+    factor_work="f8",  # most multiplications of a factorisation; larger islands are solved by sweeps alone
+    frame_work="f8",  # multiplications of a frame after which solves end after their first methods
     jams="i8",  # 1: a contact jammed in the last substep, of JAM_SHARE of a frame
     halvings="i8",  # halvings of substeps of the frame so far, whose curved contacts did not close
     calm_events="i8",  # substeps of the frame so far that ended early for the accuracy of curved contacts
@@ -127,7 +129,7 @@ STATE = record(
     depth_cache=(DEPTH_CACHE_ENTRY, (DEPTH_CACHE_SIZE,)),
     depth_cache_clock="i8",  # look-ups in `depth_cache` so far
     solver=SOLVER,
-    newton_work="f8",  # multiplications left for Newton's method in this frame
+    work_left="f8",  # multiplications of factorisations left in this frame
     # scratch of overlap removal, and of impulses: velocity of B relative to A, of both surfaces; tangent
     shift=VECTOR,
     planes=("f8", (4, 4)),

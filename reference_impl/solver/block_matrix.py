@@ -15,7 +15,6 @@ from touchstone.reference_impl.solver.link_rows import (
     add_link_rate,
     subtract_from_link,
 )
-from touchstone.reference_impl.solver.tolerances import NEWTON_INNER, NEWTON_WORK
 
 ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
 """Unsigned: with a signed literal, an unsigned index would become a floating-point number. Numba tests signed
@@ -23,12 +22,12 @@ indices for negative values, which doubles the time."""
 
 
 @kernel
-def lay_out(solver):
+def lay_out(solver, state):
     """Order the movers, lay out the matrix and set the solver's `work`, once per solve: it is 0 before.
-    Returns whether the island fits."""
+    Returns whether the island fits, and the frame has not used twice its `frame_work`."""
     count = solver["mover_count"]
-    if solver["work"] != 0:
-        return solver["work"] > 0
+    if solver["work"] != 0 or state["work_left"] < -state["frame_work"]:
+        return solver["work"] > 0 and state["work_left"] >= -state["frame_work"]
     solver["work"] = -1.0
     if count > NEWTON_MOVERS or solver["row_count"] > NEWTON_ROWS:
         return False
@@ -45,8 +44,7 @@ def lay_out(solver):
                 used += 1
         work += 216.0 * wide * wide
     solver["begin"][count] = used
-    # an outer iteration of Newton's method would exceed the frame's budget
-    if NEWTON_INNER * work > NEWTON_WORK:
+    if work > state["factor_work"]:
         return False
     solver["work"] = work
     return True

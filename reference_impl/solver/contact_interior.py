@@ -59,13 +59,10 @@ from touchstone.reference_impl.solver.moment_rows import (
     set_moment_rates,
     subtract_moment,
 )
-from touchstone.reference_impl.solver.tolerances import INTERIOR_BOUNDARY, INTERIOR_CENTRE, NEWTON_MOST
+from touchstone.reference_impl.solver.tolerances import INTERIOR_BOUNDARY, INTERIOR_CENTRE
 
 INTERIOR_STEPS = 120
 """Most steps of the interior-point method (10 to 30 usual, 60 in jams)."""
-INTERIOR_FEW, INTERIOR_MOST = 40, 4e9
-"""Most steps of the interior-point method after NEWTON_MOST, and multiplications over the frame's up to which
-it runs, 2 to 3 s; after these, sweeps alone."""
 INTERIOR_TARGET, INTERIOR_STALLS = 1e-8, 4
 """Residual at which it ends and leaves the rest to Newton's method [m/s]; in dense substeps it goes on to
 their target, and ends after so many steps that do not halve the residual."""
@@ -79,16 +76,14 @@ def interior(solver, afar, state):
     """Find an island's impulses to about INTERIOR_TARGET, or to the target of a dense substep; stores them by
     `keep_best`.
 
-    It does nothing if the island is too large, or after INTERIOR_MOST.
+    It does nothing if the island is too large (`lay_out`).
 
     Args:
         afar: start without impulses, otherwise near the present ones. From afar it takes more steps, but it
             also converges where the present impulses are misleading.
     """
-    fits, work, left = lay_out(solver), solver["work"], state["newton_work"]
-    if not fits or left < -INTERIOR_MOST:
+    if not lay_out(solver, state):
         return
-    most = INTERIOR_STEPS if left > -NEWTON_MOST else INTERIOR_FEW
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
     set_cones(solver)
@@ -98,7 +93,7 @@ def interior(solver, afar, state):
         begin_near(solver)
     target = solver["target"] if state["dense_substep"] == 1 else INTERIOR_TARGET
     share, ceiling, least, stalled = 1.0, 1.0, 1e300, 0
-    for _ in range(most):
+    for _ in range(INTERIOR_STEPS):
         _set_impulses(solver)
         inside, mean, gap = set_scaling(solver, share)
         if not inside:
@@ -114,7 +109,7 @@ def interior(solver, afar, state):
         _add_derivatives(solver)
         factorise(solver)
         state["counters"][COUNT_FACTORS] += 1
-        state["newton_work"] -= work
+        state["work_left"] -= solver["work"]
         _solve(solver, 0.0)
         length = _longest(solver, 1.0)
         # products that vanish before the gaps do leave the method at the boundary, far from a solution

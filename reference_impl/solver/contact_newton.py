@@ -45,12 +45,7 @@ from touchstone.reference_impl.solver.moment_rows import (
     subtract_soft_moments,
     take_soft_moments,
 )
-from touchstone.reference_impl.solver.tolerances import (
-    NEWTON_ALLOWANCE,
-    NEWTON_INNER,
-    NEWTON_MOST,
-    RESIDUAL_ACCEPTED,
-)
+from touchstone.reference_impl.solver.tolerances import NEWTON_INNER, RESIDUAL_ACCEPTED
 
 RESIDUAL_ROUNDING = 1e-14
 """Change of velocity at which an inner minimisation ends, however small the residual is [m/s]."""
@@ -82,17 +77,15 @@ def newton(solver, evenly, patient, most, state):
         patient: go on, with softer contacts, where an inner solve fails; otherwise, return there.
         most: largest number of factorisations.
     """
-    if not lay_out(solver):
+    if not lay_out(solver, state):
         return
-    rows, count, work = solver["rows"], solver["row_count"], solver["work"]
+    rows, count, left = solver["rows"], solver["row_count"], most
     for m in range(solver["mover_count"]):
         invert_symmetric(solver["movers"][m]["inverse_inertia"], solver["movers"][m]["inertia"])
     last, stalled, heaviest = solver["best_residual"], 0, 0.0
     for k in range(count):
         heaviest = max(heaviest, rows[k]["mass"])
     compliance = min(COMPLIANCE_FIRST, sqrt(last))
-    allowance = max(state["newton_work"], NEWTON_ALLOWANCE if state["newton_work"] > -NEWTON_MOST else 0.0)
-    left = min(most, int(allowance / work))
     while left > 0:
         even_out(solver)
         for k in range(count):
@@ -101,7 +94,7 @@ def newton(solver, evenly, patient, most, state):
         begin_soft_moments(solver, compliance, heaviest if evenly else 0.0)
         used, solved = _solve_soft(solver, compliance * max(RESIDUAL_ROUNDING, INNER_SHARE * last))
         state["counters"][COUNT_FACTORS] += used
-        state["newton_work"] -= used * work
+        state["work_left"] -= used * solver["work"]
         left -= used
         if not solved:
             if not patient:

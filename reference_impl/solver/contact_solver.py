@@ -169,7 +169,7 @@ def solve_island(bodies, joints, drivers, pairs, h, state):
         solve_loaded(solver, state)
     if state["moving_surfaces"] == 1 and _is_jammed(solver, pairs):
         _sweep_from_zero(solver, state)
-    residual, limit = solver["best_residual"], _accepted(solver)
+    residual, limit = solver["best_residual"], max(solver["accepted"], solver["target"])
     state["counters"][COUNT_SOLVES] += 1
     state["counters"][COUNT_OPEN_SOLVES] += residual > max(RESIDUAL_OPEN, limit)
     state["counters"][COUNT_UNCONVERGED] += residual > limit
@@ -207,15 +207,9 @@ def _return_to_start(solver):
 
 
 @inlined_kernel
-def _accepted(solver):
-    """Residual at which a solve counts as converged [m/s]."""
-    return max(RESIDUAL_ACCEPTED, solver["target"])
-
-
-@inlined_kernel
 def _is_accepted(solver):
     """Whether the best impulses have converged."""
-    return solver["best_residual"] <= _accepted(solver)
+    return solver["best_residual"] <= max(solver["accepted"], solver["target"])
 
 
 @kernel
@@ -290,7 +284,7 @@ def solve_loaded(solver, state):
         rebuild(solver)
     make_passive(solver)
     residual, _ = residual_of(solver)
-    solver["best_residual"], solver["work"] = inf, 0.0
+    solver["best_residual"], solver["work"], solver["accepted"] = inf, 0.0, RESIDUAL_ACCEPTED
     keep_best(solver, residual)
     solver["target"] = RESIDUAL_DENSE if state["dense_substep"] == 1 else RESIDUAL_TARGET
     # in small islands exact solves cost little, and keep the result independent of the order of bodies
@@ -362,7 +356,7 @@ def _iterate(solver, state):
     """Run sweeps, the interior-point method, Newton's method and more sweeps until one of them converges."""
     rows = solver["row_count"]
     small, alone = rows < INTERIOR_ROWS, rows + solver["moment_count"] == 1
-    dense = not small and state["dense_substep"] == 1 and lay_out(solver)
+    dense = not small and state["dense_substep"] == 1 and lay_out(solver, state)
     if not dense and (_sweep(solver, state, FIRST_SWEEPS) or (alone and _is_accepted(solver))):
         return
     if not alone:
@@ -389,11 +383,17 @@ def _iterate(solver, state):
             take_best(solver)
             newton(solver, attempt == 2, attempt > 0, most, state)
             take_best(solver)
+            if dense:
+                # on a large island other methods seldom gain more
+                solver["accepted"] = RESIDUAL_OPEN
             if _is_accepted(solver) or parts:
                 return
-        _raise_friction(solver, most, state)
-        if _is_accepted(solver):
-            return
+            if state["work_left"] < 0:
+                break
+        if state["work_left"] >= 0:
+            _raise_friction(solver, most, state)
+            if _is_accepted(solver):
+                return
     # few sweeps where the rebound may be what leaves no solution
     if state["dense_substep"] == 1 or _rebounds(solver):
         _sweep(solver, state, max(DENSE_SWEEPS, DENSE_VISITS // rows))

@@ -13,9 +13,6 @@ RESIDUAL_OPEN = 1e-7
 """Residual from which a contact solve counts as open [m/s]: bodies sink by 2e-9 m a frame."""
 NEWTON_INNER, NEWTON_FACTORS = 15, 150
 """Factorisations of one outer iteration, and of all outer iterations of an island."""
-NEWTON_WORK, NEWTON_ALLOWANCE, NEWTON_MOST = 1e10, 1e10, 1e13
-"""Multiplications of all factorisations of a frame, some 15 ms; those of an island after these are used up;
-and those over the frame's up to which islands have these, about 2 s."""
 INTERIOR_BOUNDARY, INTERIOR_CENTRE, INTERIOR_FRICTION = 0.995, 1e-6, 1e-9
 """Share of the way to the boundary of a cone, least share of the products that a step aims at, and least
 coefficient of friction [1]."""

@@ -35,7 +35,7 @@ def loaded(file: Path, name: str) -> np.ndarray:
         solver["movers"][field][: len(movers)] = movers[field]
     for k in range(len(rows)):
         prepare_row(solver["rows"][k])
-    state[0]["newton_work"] = 1e9
+    state[0]["factor_work"] = state[0]["frame_work"] = state[0]["work_left"] = 1e9
     solver["best_residual"] = np.inf
     rebuild(solver)
     return state

@@ -99,6 +99,22 @@ _TABLE: tuple[Setting, ...] = (
         ("512", "16384"),
         "contacts that the substeps of a frame hold in total before it goes on in a few crowded ones",
     ),
+    Range(
+        "factor_work",
+        0,
+        1e12,
+        "",
+        ("2e+06", "1e+08"),
+        "multiplications of a factorisation up to which an island is solved to rounding; beyond, by sweeps",
+    ),
+    Range(
+        "frame_work",
+        0,
+        1e15,
+        "",
+        ("2e+09", "2e+10"),
+        "multiplications of factorisations in a frame after which solves that fail are not tried again",
+    ),
 )
 SETTINGS = Table(
     (*COLUMNS, EQUAL),

@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, SOLVER
+from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, NEWTON_ROWS
+from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.solver.block_matrix import (
     add_row,
     begin_matrix,
@@ -35,8 +36,9 @@ def cross(r: np.ndarray) -> np.ndarray:
 
 def loaded(rng: np.random.Generator, sides: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
     """A solver with one row per pair of movers, and its dense matrix; places are laid out."""
-    solvers = np.zeros(1, SOLVER)
-    solver = solvers[0]
+    state = np.zeros(1, STATE)
+    solver = state[0]["solver"]
+    state[0]["factor_work"] = state[0]["frame_work"] = 1e9
     rows, movers = solver["rows"], solver["movers"]
     solver["mover_count"], solver["row_count"] = 1 + max(max(pair) for pair in sides), len(sides)
     for mover in movers[: solver["mover_count"]]:
@@ -45,7 +47,7 @@ def loaded(rng: np.random.Generator, sides: list[tuple[int, int]]) -> tuple[np.n
     for row, (a, b) in zip(rows, sides):
         row["a"], row["b"] = a, b
         row["r_a"], row["r_b"] = rng.normal(size=(2, 3))
-    assert lay_out(solver)
+    assert lay_out(solver, state[0])
     begin_matrix(solver)
     size = 6 * solver["mover_count"]
     dense = np.zeros((size, size))
@@ -64,7 +66,7 @@ def loaded(rng: np.random.Generator, sides: list[tuple[int, int]]) -> tuple[np.n
                 jacobian[:, base : base + 3] = sign * np.eye(3)
                 jacobian[:, base + 3 : base + 6] = -sign * cross(row[f"r_{side}"])
         dense += jacobian.T @ solver["kernel"] @ jacobian
-    return solvers, dense
+    return state, dense
 
 
 @pytest.mark.parametrize("kind", ["one", "chain", "star", "loop"])
@@ -72,8 +74,8 @@ def test_a_step_solves_the_dense_system(kind: str) -> None:
     """Solve for minus the inverse of M + sum of J^T K J times the gradient."""
     rng = np.random.default_rng(len(kind))
     sides = {"one": [(-1, 0), (0, -1)], "chain": CHAIN, "star": STAR, "loop": loop(rng)}[kind]
-    solvers, dense = loaded(rng, sides)
-    solver = solvers[0]
+    state, dense = loaded(rng, sides)
+    solver = state[0]["solver"]
     gradient = rng.normal(size=len(dense))
     solver["gradient"][: len(dense)] = gradient
     factorise(solver)
@@ -84,8 +86,8 @@ def test_a_step_solves_the_dense_system(kind: str) -> None:
 
 def test_a_cancelled_pivot_stays_finite() -> None:
     """Replace a pivot of 0 by a rounding of its diagonal."""
-    solvers, _ = loaded(np.random.default_rng(0), [(-1, 0)])
-    solver = solvers[0]
+    state, _ = loaded(np.random.default_rng(0), [(-1, 0)])
+    solver = state[0]["solver"]
     solver["lower"][:36] = np.ones(36)
     factorise(solver)
     solve_factors(solver)
@@ -93,12 +95,15 @@ def test_a_cancelled_pivot_stays_finite() -> None:
 
 
 def test_a_wide_island_does_not_fit() -> None:
-    """Refuse an island whose envelope has too many blocks; the solver has no work then."""
-    solver = np.zeros(1, SOLVER)[0]
-    count = int(NEWTON_BLOCKS**0.5) + 40
-    sides = [(a, b) for a in range(count) for b in (0, count - 1) if a not in (0, count - 1)]
+    """Refuse an island whose matrix has too many blocks; the solver has no work then."""
+    state = np.zeros(1, STATE)
+    solver = state[0]["solver"]
+    state[0]["factor_work"] = state[0]["frame_work"] = 1e15
+    count = 1 + int((2 * NEWTON_BLOCKS) ** 0.5)
+    rng = np.random.default_rng(0)
+    sides = [tuple(rng.choice(count, 2, replace=False)) for _ in range(NEWTON_ROWS)]
     solver["mover_count"], solver["row_count"] = count, len(sides)
     for row, (a, b) in zip(solver["rows"], sides):
         row["a"], row["b"] = a, b
-    assert not lay_out(solver)
+    assert not lay_out(solver, state[0])
     assert solver["work"] == -1

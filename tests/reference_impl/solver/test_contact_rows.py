@@ -139,7 +139,7 @@ def test_newton_solves_chains(seed: int, friction: float, evenly: bool) -> None:
     solver["best_residual"] = np.inf
     residual, _ = residual_of(solver)
     keep_best(solver, residual)
-    state[0]["newton_work"] = 1e7
+    state[0]["factor_work"] = state[0]["frame_work"] = state[0]["work_left"] = 1e7
     newton(solver, evenly, True, NEWTON_FACTORS, state[0])
     assert solver["best_residual"] <= 1e-9
 
