@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, NEWTON_ROWS
+from touchstone.reference_impl.core.solver_dtypes import NEWTON_ROWS
 from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.solver.block_matrix import (
     add_row,
@@ -94,16 +94,30 @@ def test_a_cancelled_pivot_stays_finite() -> None:
     assert np.isfinite(solver["step"][:6]).all()
 
 
-def test_a_wide_island_does_not_fit() -> None:
-    """Refuse an island whose matrix has too many blocks; the solver has no work then."""
+@pytest.mark.parametrize("limit", ["blocks", "factor_work", "frame_work"])
+def test_what_exceeds_a_limit_does_not_fit(limit: str) -> None:
+    """Refuse an island whose matrix has too many blocks or takes too much work, and any in a frame that has
+    used up its work."""
     state = np.zeros(1, STATE)
     solver = state[0]["solver"]
     state[0]["factor_work"] = state[0]["frame_work"] = 1e15
-    count = 1 + int((2 * NEWTON_BLOCKS) ** 0.5)
-    rng = np.random.default_rng(0)
-    sides = [tuple(rng.choice(count, 2, replace=False)) for _ in range(NEWTON_ROWS)]
-    solver["mover_count"], solver["row_count"] = count, len(sides)
+    sides = CHAIN
+    if limit == "blocks":
+        rng = np.random.default_rng(0)
+        sides = [tuple(rng.choice(800, 2, replace=False)) for _ in range(NEWTON_ROWS)]
+    elif limit == "factor_work":
+        state[0]["factor_work"] = 6.0**3 * (19 * 2 * 2 + 1) - 1
+    else:
+        state[0]["work_left"] = -1.1e15
+    solver["mover_count"], solver["row_count"] = 1 + max(map(max, sides)), len(sides)
     for row, (a, b) in zip(solver["rows"], sides):
         row["a"], row["b"] = a, b
     assert not lay_out(solver, state[0])
-    assert solver["work"] == -1
+    assert solver["work"] <= 0
+
+
+def test_a_chain_takes_the_work_of_its_blocks() -> None:
+    """Order a chain of twenty bodies without fill: 19 columns of two blocks, one of one."""
+    state, _ = loaded(np.random.default_rng(0), CHAIN)
+    assert state[0]["solver"]["work"] == 6.0**3 * (19 * 2 * 2 + 1)
+    assert state[0]["solver"]["begin"][20] == 39
