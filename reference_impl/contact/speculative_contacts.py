@@ -1,7 +1,7 @@
 """Speculative contacts of a dense substep: pairs that may touch within the substep become contacts early.
 
 A pile of bodies can have more impacts per frame than the loop can resolve one event at a time. Once a frame
-has used up its `event_rows`, or DENSE_EVENTS, a few dense substeps cover the rest of the frame. A near pair
+has used up its `event_rows`, its `frame_work`, or DENSE_EVENTS, a few dense substeps cover the rest of the frame. A near pair
 then gets a row, but may still close its gap within the substep: `speculative_speed` is the speed that this
 takes. An impact happens slightly early, at a gap that the bodies would have closed within the substep. No
 impact is missed: a pair that meets unexpectedly causes an event as usual. Speculative contacts cause no
@@ -87,6 +87,7 @@ def gather_contacts(world, left):
     expected = (1 + state["dense_substep"]) * state["last_rows"]
     crowded = state["rows"] + expected > state["event_rows"]
     crowded = crowded or state["counters"][COUNT_EVENTS] - state["calm_events"] >= DENSE_EVENTS
+    crowded = crowded or state["work_left"] < 0
     end, h = 0, left
     if not crowded:
         end, _ = detect(world, SIMULATED, 0)

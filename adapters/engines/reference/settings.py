@@ -104,7 +104,7 @@ _TABLE: tuple[Setting, ...] = (
         0,
         1e12,
         "",
-        ("2e+06", "1e+08"),
+        ("1.5e+06", "1e+08"),
         "multiplications of a factorisation up to which an island is solved to rounding; beyond, by sweeps",
     ),
     Range(
@@ -112,7 +112,7 @@ _TABLE: tuple[Setting, ...] = (
         0,
         1e15,
         "",
-        ("2e+09", "2e+10"),
+        ("6e+08", "3e+09"),
         "multiplications of factorisations in a frame after which solves that fail are not tried again",
     ),
 )
