@@ -62,24 +62,21 @@ def _count_near(solver, m, words):
 @kernel
 def _join_movers(solver, row):
     """Note that the movers of a row are neighbours: its bodies, and the hinges of its links."""
-    if row["a"] >= 0 and row["b"] >= 0:
-        _join(solver, row["a"], row["b"])
+    listed, count = solver["block_place"], 0
     for side in range(2):
-        link = row["link_b"] if side else row["link_a"]
-        if link < 0:
-            continue
-        for m in range(solver["links"][link]["mover"], solver["links"][link]["mover"] + solver["links"][link]["blocks"]):
-            for other in range(solver["links"][link]["mover"], m):
-                _join(solver, m, other)
-            for end in range(2):
-                body = row["b"] if end else row["a"]
-                if body >= 0:
-                    _join(solver, m, body)
-            # the hinges of the other side, of another driver
-            if side and row["link_a"] >= 0 and solver["links"][row["link_a"]]["mover"] != solver["links"][link]["mover"]:
-                start = solver["links"][row["link_a"]]["mover"]
-                for other in range(start, start + solver["links"][row["link_a"]]["blocks"]):
-                    _join(solver, m, other)
+        m, link = (row["b"], row["link_b"]) if side else (row["a"], row["link_a"])
+        if m >= 0:
+            listed[count] = m
+            count += 1
+        blocks = solver["links"][link]["blocks"] if link >= 0 else 0
+        for k in range(blocks):
+            listed[count] = solver["links"][link]["mover"] + k
+            count += 1
+    for i in range(count):
+        for j in range(i):
+            # both links of one driver have the same hinges
+            if listed[i] != listed[j]:
+                _join(solver, listed[i], listed[j])
 
 
 @inlined_kernel

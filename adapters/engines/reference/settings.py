@@ -112,7 +112,7 @@ _TABLE: tuple[Setting, ...] = (
         0,
         1e15,
         "",
-        ("6e+08", "3e+09"),
+        ("6e+08", "1.5e+09"),
         "multiplications of factorisations in a frame after which solves that fail are not tried again",
     ),
 )
