@@ -15,7 +15,7 @@ NONE, ONE = np.uint64(0), np.uint64(1)
 
 @kernel
 def order_movers(solver):
-    """Order the movers by least degree, and join to each what its elimination joins."""
+    """Order the movers by least degree, the last of equal ones first, and join what an elimination joins."""
     movers, order, degree, count = solver["movers"], solver["order"], solver["degree"], solver["mover_count"]
     words = (count + 63) // 64
     for m in range(count):
@@ -29,7 +29,7 @@ def order_movers(solver):
     for k in range(count):
         least = -1
         for m in range(count):
-            if movers[m]["place"] < 0 and (least < 0 or degree[m] < degree[least]):
+            if movers[m]["place"] < 0 and (least < 0 or degree[m] <= degree[least]):
                 least = m
         order[k], movers[least]["place"] = least, k
         for m in range(count):

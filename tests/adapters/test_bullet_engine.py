@@ -247,7 +247,7 @@ def test_other_bodies_stay_multibodies() -> None:
 def test_friction_anchors_hold_boxes_and_hulls() -> None:
     """An arch stands with anchors, of which it has one per stone, and slides apart without."""
     assert _way_in_second_half("arch_stands", "recommended") < 1e-4
-    assert _way_in_second_half("arch_stands", "recommended", "frictionAnchor=off") > 1e-3
+    assert _way_in_second_half("arch_stands", "recommended", "frictionAnchor=off") > 5e-4
 
 
 def _way_in_second_half(name: str, profile: str, *changes: str) -> float:

@@ -104,7 +104,7 @@ _TABLE: tuple[Setting, ...] = (
         0,
         1e12,
         "",
-        ("1.5e+06", "1e+08"),
+        ("1500000", "100000000"),
         "multiplications of a factorisation up to which an island is solved to rounding; beyond, by sweeps",
     ),
     Range(
@@ -112,7 +112,7 @@ _TABLE: tuple[Setting, ...] = (
         0,
         1e15,
         "",
-        ("6e+08", "1.5e+09"),
+        ("600000000", "1500000000"),
         "multiplications of factorisations in a frame after which solves that fail are not tried again",
     ),
 )
