@@ -1,12 +1,12 @@
 """Speculative contacts of a dense substep: pairs that may touch within the substep become contacts early.
 
 A pile of bodies can have more impacts per frame than the loop can resolve one event at a time. Once a frame
-has used up its `event_rows`, its `frame_work`, or DENSE_EVENTS, a few dense substeps cover the rest of the frame. A near pair
-then gets a row, but may still close its gap within the substep: `speculative_speed` is the speed that this
-takes. An impact happens slightly early, at a gap that the bodies would have closed within the substep. No
-impact is missed: a pair that meets unexpectedly causes an event as usual. Speculative contacts cause no
-overlap: the distance of convex pieces is at least their gap along any normal (Anitescu & Potra 1997; Catto
-2013).
+has used up its `event_rows`, its `frame_work`, or DENSE_EVENTS, a few dense substeps cover the rest of the
+frame. A near pair then gets a row, but may still close its gap within the substep: `speculative_speed` is the
+speed that this takes. An impact happens slightly early, at a gap that the bodies would have closed within the
+substep. No impact is missed: a pair that meets unexpectedly causes an event as usual. Speculative contacts
+cause no overlap: the distance of convex pieces is at least their gap along any normal (Anitescu & Potra 1997;
+Catto 2013).
 """
 
 from math import ceil, sqrt

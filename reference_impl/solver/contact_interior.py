@@ -23,12 +23,6 @@ from math import sqrt
 from touchstone.reference_impl.core.counters import COUNT_FACTORS
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import invert_symmetric
-from touchstone.reference_impl.solver.contact_rows import (
-    into_cone,
-    keep_best,
-    rebuild,
-    residual_of,
-)
 from touchstone.reference_impl.solver.block_matrix import (
     add_row,
     begin_matrix,
@@ -37,6 +31,12 @@ from touchstone.reference_impl.solver.block_matrix import (
     set_rates,
     solve_factors,
     subtract_impulse,
+)
+from touchstone.reference_impl.solver.contact_rows import (
+    into_cone,
+    keep_best,
+    rebuild,
+    residual_of,
 )
 from touchstone.reference_impl.solver.interior_cones import (
     along_axes,

@@ -16,13 +16,6 @@ from math import sqrt
 from touchstone.reference_impl.core.counters import COUNT_FACTORS
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import copy_vector, invert_symmetric
-from touchstone.reference_impl.solver.contact_rows import (
-    changed_velocity,
-    into_cone,
-    keep_best,
-    rebuild,
-    residual_of,
-)
 from touchstone.reference_impl.solver.block_matrix import (
     add_row,
     begin_matrix,
@@ -31,6 +24,13 @@ from touchstone.reference_impl.solver.block_matrix import (
     set_rates,
     solve_factors,
     subtract_impulse,
+)
+from touchstone.reference_impl.solver.contact_rows import (
+    changed_velocity,
+    into_cone,
+    keep_best,
+    rebuild,
+    residual_of,
 )
 from touchstone.reference_impl.solver.face_load import even_out
 from touchstone.reference_impl.solver.moment_rows import (

@@ -44,6 +44,7 @@ from touchstone.reference_impl.core.counters import (
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
 from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.solver.block_matrix import lay_out
 from touchstone.reference_impl.solver.contact_interior import interior
 from touchstone.reference_impl.solver.contact_newton import newton
 from touchstone.reference_impl.solver.contact_rows import (
@@ -58,7 +59,6 @@ from touchstone.reference_impl.solver.contact_rows import (
     solve_row,
     take_best,
 )
-from touchstone.reference_impl.solver.block_matrix import lay_out
 from touchstone.reference_impl.solver.face_load import even_out, find_faces, take_any_load
 from touchstone.reference_impl.solver.islands import (
     has_moment,
