@@ -29,6 +29,12 @@ def loop(rng: np.random.Generator) -> list[tuple[int, int]]:
     return [*pairwise(order), *(tuple(rng.choice(12, 2, replace=False)) for _ in range(20))]
 
 
+def heap(rng: np.random.Generator) -> list[tuple[int, int]]:
+    """150 bodies, of more than two words of neighbours, with 300 contacts, a fifth of them on a floor."""
+    sides = [tuple(rng.choice(150, 2, replace=False)) for _ in range(240)]
+    return [*sides, *((-1, k) for k in rng.integers(0, 150, 60).tolist()), (148, 149)]
+
+
 def cross(r: np.ndarray) -> np.ndarray:
     """Matrix of the cross product with r (3, 3)."""
     return np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
@@ -69,11 +75,12 @@ def loaded(rng: np.random.Generator, sides: list[tuple[int, int]]) -> tuple[np.n
     return state, dense
 
 
-@pytest.mark.parametrize("kind", ["one", "chain", "star", "loop"])
+@pytest.mark.parametrize("kind", ["one", "chain", "star", "loop", "heap"])
 def test_a_step_solves_the_dense_system(kind: str) -> None:
     """Solve for minus the inverse of M + sum of J^T K J times the gradient."""
     rng = np.random.default_rng(len(kind))
-    sides = {"one": [(-1, 0), (0, -1)], "chain": CHAIN, "star": STAR, "loop": loop(rng)}[kind]
+    fixed = {"one": [(-1, 0), (0, -1)], "chain": CHAIN, "star": STAR}
+    sides = fixed[kind] if kind in fixed else {"loop": loop, "heap": heap}[kind](rng)
     state, dense = loaded(rng, sides)
     solver = state[0]["solver"]
     gradient = rng.normal(size=len(dense))
