@@ -144,7 +144,7 @@ QUOTED = [
     ("method.md", "the depth stalls for {} rounds", "posture.overlap_removal.STALL_ROUNDS"),
     ("method.md", "or {} rounds pass", "core.conventions.REMOVAL_ROUNDS"),
     ("method.md", "pairs within {:g} m touch", "core.conventions.TOUCH_DISTANCE"),
-    ("method.md", "contacts or {} events", "contact.speculative_contacts.DENSE_EVENTS"),
+    ("method.md", "contacts, {} events or", "contact.speculative_contacts.DENSE_EVENTS"),
     ("method.md", "at most {} times", "core.conventions.EVENT_CAP"),
     ("method.md", "by {} sweeps of", "solver.contact_solver.FIRST_SWEEPS"),
     ("method.md", "more than {} contact points in a substep", "contact.resting_contact.CURVED_ROWS"),
