@@ -383,8 +383,8 @@ def _iterate(solver, state):
             take_best(solver)
             newton(solver, attempt == 2, attempt > 0, most, state)
             take_best(solver)
-            if dense:
-                # on a large island other methods seldom gain more
+            # a frame that has used half of its work does not try for the last digits
+            if state["work_left"] < state["frame_work"] / 2:
                 solver["accepted"] = RESIDUAL_OPEN
             if _is_accepted(solver) or parts:
                 return
