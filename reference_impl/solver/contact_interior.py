@@ -66,8 +66,10 @@ INTERIOR_STEPS = 120
 INTERIOR_TARGET, INTERIOR_STALLS = 1e-8, 4
 """Residual at which it ends and leaves the rest to Newton's method [m/s]; in dense substeps it goes on to
 their target, and ends after so many steps that do not halve the residual."""
-INTERIOR_SHORT, INTERIOR_LONG = 0.1, 0.4
-"""Shares of a full step below which it takes half of the derivative of friction, and above which more [1]."""
+INTERIOR_SHORT, INTERIOR_LONG, INTERIOR_CEILING = 0.1, 0.4, 0.9
+"""Shares of a full step below which it takes half of the derivative of friction, and above which more; and
+ratio to a share that was too large to which it returns at most, until two steps are long: otherwise it may
+cycle [1]."""
 
 
 @kernel
@@ -91,7 +93,7 @@ def interior(solver, afar, state):
     else:
         begin_near(solver)
     target = solver["target"] if state["dense_substep"] == 1 else INTERIOR_TARGET
-    share, least, stalled = 1.0, 1e300, 0
+    share, ceiling, least, stalled, lasting = 1.0, 1.0, 1e300, 0, 0
     for _ in range(INTERIOR_STEPS):
         _set_impulses(solver)
         inside, mean, gap = set_scaling(solver, share)
@@ -115,10 +117,13 @@ def interior(solver, afar, state):
         goal = max(max(INTERIOR_CENTRE, (1 - length) ** 3) * mean, min(mean, gap * gap))
         _solve(solver, goal)
         length = INTERIOR_BOUNDARY * _longest(solver, 1 / INTERIOR_BOUNDARY)
+        lasting = lasting + 1 if length > INTERIOR_LONG else 0
         if length < INTERIOR_SHORT:
+            ceiling = INTERIOR_CEILING * share if share > 0.5 else ceiling
             share *= 0.5
-        elif length > INTERIOR_LONG:
-            share = min(1.0, share + 0.25)
+        elif lasting > 0:
+            ceiling = 1.0 if lasting > 1 else ceiling
+            share = min(ceiling, share + 0.25)
         _advance(solver, length)
 
 
