@@ -179,7 +179,7 @@ SOLVED = {
         *(90, 483),  # a platform ended 4 and 2 mm within a light body whose impacts a frame did not resolve
         # in a jam between walls, rows of balls acted at the start of a substep and others in its middle: no
         # motion satisfied both
-        1500055,
+        *(1500055, 1500128),
         6001424,  # bodies that separation joined in an attempt before stayed in the energy guard: not finite
     ),
     # hulls of 5 mm at 2 km/s spun faster than free rotation resolves, and gained 3 % and 8e-5 of the energy
