@@ -10,11 +10,7 @@ import numpy as np
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel, vectorised_kernel
 from touchstone.reference_impl.core.solver_dtypes import NEWTON_BLOCKS, NEWTON_MOVERS, NEWTON_ROWS
 from touchstone.reference_impl.solver.elimination_order import is_near, order_movers, slot
-from touchstone.reference_impl.solver.link_rows import (
-    add_blocks,
-    add_link_rate,
-    subtract_from_link,
-)
+from touchstone.reference_impl.solver.link_rows import add_blocks, add_link_rate, subtract_from_link
 
 ONE, TWO, THREE, FOUR, FIVE = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
 """Unsigned: with a signed literal, an unsigned index would become a floating-point number. Numba tests signed
