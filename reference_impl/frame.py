@@ -274,6 +274,9 @@ def _simulate(world):
         # bodies sink less in a shorter substep, and separation lifts them less
         wanted, sunk, lifted = 1.0, 0, False
         for _ in range(UNPAID_ATTEMPTS):
+            # an event at once: no force acted
+            if fraction * h <= TIME_MIN:
+                break
             if halved < OPEN_HALVINGS and state["residual"] > max(RESIDUAL_OPEN, state["past_residual"]):
                 # contacts without a solution over a substep may have one over another
                 halved += 1

@@ -19,11 +19,14 @@ indices for negative values, which doubles the time."""
 
 @kernel
 def lay_out(solver, state):
-    """Order the movers, lay out the matrix and set the solver's `work`, once per solve: it is 0 before.
-    Returns whether the island fits, and the frame has not used twice its `frame_work`."""
+    """Order the movers, lay out the matrix and set the solver's `work`, once per solve: it is 0 before, and
+    -1 for an island that is too large, or in a frame that has used twice its `frame_work`. Returns whether
+    the matrix may be factorised."""
     count = solver["mover_count"]
-    if solver["work"] != 0 or state["work_left"] < -state["frame_work"]:
-        return solver["work"] > 0 and state["work_left"] >= -state["frame_work"]
+    if state["work_left"] < -state["frame_work"]:
+        solver["work"] = -1.0
+    if solver["work"] != 0:
+        return solver["work"] > 0
     solver["work"] = -1.0
     if count > NEWTON_MOVERS or solver["row_count"] > NEWTON_ROWS:
         return False
