@@ -203,17 +203,18 @@ def first_change(pieces, pairs, count, sought):
             continue
         if (pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k) or _shares_load(pairs, count, k):
             continue
-        load = path_load = margin = path_margin = 0.0
-        row = k
+        # the sums over a manifold: friction at its points may be opposite, along the line through them
+        load, path_load, p, q, row = 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), k
         while row >= 0:
             pair = pairs[row]
-            p, q = pair["resting_impulse"], pair["spare"]
             n = pair["path_normal"] if pair["followed"] == 1 else pair["normal"]
-            along, far_along = dot(pair["normal"], p), dot(n, q)
-            load, path_load = load + along, path_load + far_along
-            margin += pair["friction"] * along - sqrt(max(0.0, dot(p, p) - along * along))
-            path_margin += pair["friction"] * far_along - sqrt(max(0.0, dot(q, q) - far_along * far_along))
+            load += dot(pair["normal"], pair["resting_impulse"])
+            path_load += dot(n, pair["spare"])
+            p, q = plus(p, 1.0, pair["resting_impulse"]), plus(q, 1.0, pair["spare"])
             row = pair["next_point"]
+        mu = pairs[k]["friction"]
+        margin = mu * load - sqrt(max(0.0, dot(p, p) - load * load))
+        path_margin = mu * path_load - sqrt(max(0.0, dot(q, q) - path_load * path_load))
         first = min(first, _zero(load, path_load), pairs[k]["leaves"])
         sticks = pairs[k]["static"] == 0 and pairs[k]["friction"] > 0 and _slip(pairs[k]) <= SLIDE_MIN
         if sticks and path_margin > CONE_CLOSE * path_load:

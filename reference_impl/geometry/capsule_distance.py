@@ -15,7 +15,7 @@ from touchstone.reference_impl.core.conventions import (
     TOUCHING_DISTANCE_SHARE,
 )
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import cross, dot
+from touchstone.reference_impl.core.rotation import cross, dot, plus, times, vector_of
 
 
 @kernel
@@ -40,42 +40,52 @@ def have_segments(piece_a, piece_b):
 @kernel
 def segment_distance(piece_a, piece_b, out_pair):
     """Compute signed distance [m], normal A to B, and a witness on each piece; writes `out_pair` (PAIR)."""
-    u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
+    one, two = core_of(piece_a), core_of(piece_b)
+    u, v, c = one[1], two[1], plus(one[0], -1.0, two[0])
     s, t = _nearest_places(u, v, c)
     w = _core_vector(u, v, c, s, t)
     gap = sqrt(dot(w, w))
     if gap <= TOUCHING_DISTANCE_SHARE * (sqrt(dot(u, u)) + sqrt(dot(v, v)) + sqrt(dot(c, c))):
         w = _across(u, v, w)
-    _write_contact(piece_a, piece_b, u, v, s, t, w, out_pair)
-    out_pair["distance"] = gap - piece_a["radius"] - piece_b["radius"]
+    _write_contact(one, two, s, t, w, out_pair)
+    out_pair["distance"] = gap - one[2] - two[2]
 
 
 @kernel
-def are_alongside(piece_a, piece_b, least, most):
-    """Whether the sides of two capsules or cylinders touch each other over some length.
+def core_of(piece):
+    """Core of a sphere, a capsule or a cylinder: centre, half vector, and distance of its surface from it."""
+    h, m = piece["size"][2], piece["world_rotation"]
+    return vector_of(piece["world_position"]), (h * m[0, 2], h * m[1, 2], h * m[2, 2]), side_radius(piece)
+
+
+@kernel
+def are_alongside(one, two, least, most):
+    """Whether two sides, or a side and an edge, touch each other over some length.
 
     Their distance is from `least` to `most` [m] at both of its ends: sides that overlap by more than the
-    pieces do are those of cylinders that touch elsewhere."""
-    if not (has_side(piece_a) and has_side(piece_b)):
-        return False
-    u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
+    pieces do are those of cylinders that touch elsewhere.
+
+    Args:
+        one, two: their cores (`core_of`); that of an edge is the edge.
+    """
+    u, v, c = one[1], two[1], plus(one[0], -1.0, two[0])
     (s, t), (p, q) = _facing_end(u, v, c, 1.0), _facing_end(u, v, c, -1.0)
     if min(abs(s - p) * sqrt(dot(u, u)), abs(t - q) * sqrt(dot(v, v))) <= MANIFOLD_HEIGHT:
         return False
     for x, y in ((s, t), (p, q)):
         w = _core_vector(u, v, c, x, y)
         gap = sqrt(dot(w, w))
-        if gap == 0 or not least <= gap - side_radius(piece_a) - side_radius(piece_b) <= most:
+        if gap == 0 or not least <= gap - one[2] - two[2] <= most:
             return False
     return True
 
 
 @kernel
-def contact_at_end(piece_a, piece_b, end, out_pair):
-    """Contact of two sides at one end (1 or -1) of the length over which they face each other."""
-    u, v, c = _half_core(piece_a), _half_core(piece_b), _between(piece_a, piece_b)
+def contact_at_end(one, two, end, out_pair):
+    """Contact of two cores at one end (1 or -1) of the length over which they face each other."""
+    u, v, c = one[1], two[1], plus(one[0], -1.0, two[0])
     s, t = _facing_end(u, v, c, end)
-    _write_contact(piece_a, piece_b, u, v, s, t, _core_vector(u, v, c, s, t), out_pair)
+    _write_contact(one, two, s, t, _core_vector(u, v, c, s, t), out_pair)
 
 
 @kernel
@@ -90,35 +100,22 @@ def _facing_end(u, v, c, end):
 
 
 @kernel
-def _between(piece_a, piece_b):
-    """Vector from B's centre to A's."""
-    a, b = piece_a["world_position"], piece_b["world_position"]
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@kernel
 def _core_vector(u, v, c, s, t):
     """Vector from a point of A's core to one of B's."""
     return t * v[0] - s * u[0] - c[0], t * v[1] - s * u[1] - c[1], t * v[2] - s * u[2] - c[2]
 
 
 @kernel
-def _write_contact(piece_a, piece_b, u, v, s, t, w, out_pair):
+def _write_contact(one, two, s, t, w, out_pair):
     """Write the distance, normal and witnesses of core points with the vector w, or parallel to it, between
     them; the distance is that of w."""
-    a, b, length = piece_a["world_position"], piece_b["world_position"], sqrt(dot(w, w))
-    n, r_a, r_b = out_pair["normal"], side_radius(piece_a), side_radius(piece_b)
-    n[0], n[1], n[2] = w[0] / length, w[1] / length, w[2] / length
+    length = sqrt(dot(w, w))
+    n = times(1 / length, w)
+    p = plus(plus(one[0], s, one[1]), one[2], n)
+    q = plus(plus(two[0], t, two[1]), -two[2], n)
     for i in range(3):
-        out_pair["point_a"][i] = a[i] + s * u[i] + r_a * n[i]
-        out_pair["point_b"][i] = b[i] + t * v[i] - r_b * n[i]
-    out_pair["distance"] = length - r_a - r_b
-
-
-@kernel
-def _half_core(piece):
-    h, rotation = piece["size"][2], piece["world_rotation"]
-    return h * rotation[0, 2], h * rotation[1, 2], h * rotation[2, 2]
+        out_pair["normal"][i], out_pair["point_a"][i], out_pair["point_b"][i] = n[i], p[i], q[i]
+    out_pair["distance"] = length - one[2] - two[2]
 
 
 @kernel

@@ -1,8 +1,8 @@
 """Contact manifold of two polyhedra: up to four points where a face touches a face, an edge or a corner.
 
 The side of a capsule, a cylinder or a cone counts as an edge, a capsule's end, a point of a rim and a cone's
-apex as a corner, and a cap as a face: a disc, which is clipped exactly. Two sides of capsules or cylinders
-along each other touch in two points. A half-space is a face larger than any other.
+apex as a corner, and a cap as a face: a disc, which is clipped exactly. The side of a capsule or a cylinder
+along another one, or along an edge, touches in two points. A half-space is a face larger than any other.
 
 The manifold of polyhedra is computed in the contact frame `state["mobility"]` (rows are its axes in the
 world): origin at A's witness, z along the normal of `convex_depth`, so A lies below and B above. The plane of
@@ -29,6 +29,7 @@ from touchstone.reference_impl.core.rotation import copy_vector, cross, dot, plu
 from touchstone.reference_impl.geometry.capsule_distance import (
     are_alongside,
     contact_at_end,
+    core_of,
     has_side,
 )
 from touchstone.reference_impl.geometry.contact_patch import (
@@ -84,7 +85,8 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
             _frame(pair["normal"], state["mobility"])
             pair["flat_a"] = _flatness(a, vertices, 1.0, pair, state, pair["edge_a"])
             pair["flat_b"] = _flatness(b, vertices, -1.0, pair, state, pair["edge_b"])
-            rows += _write_sides(a, b, pairs, k, rows)
+            if has_side(a) and has_side(b):
+                rows += _write_sides(core_of(a), core_of(b), pairs, k, rows)
             continue
         pair["manifold"] = k
         count, face_on_a = _clipped_feature(
@@ -96,8 +98,10 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
         if count < 2 and (has_rim(a) or has_rim(b)):
             # a contact in one point moves along the curved surface
             pair["manifold"] = -1
-            if count == 0:
-                rows += _write_sides(a, b, pairs, k, rows)
+        alongside = pair["flat_a"] == 1 and pair["flat_b"] == 1 and not shared
+        if alongside and (has_side(a) or has_side(b)):
+            one, two = _core(a, state["lower"], pair, state), _core(b, state["upper"], pair, state)
+            rows += _write_sides(one, two, pairs, k, rows)
         # in reverse: the appended rows start as copies of the pair's row, which the deepest point overwrites
         for c in range(count - 1, -1, -1):
             row = k
@@ -115,17 +119,27 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
 
 
 @kernel
-def _write_sides(piece_a, piece_b, pairs, k, rows):
-    """Write the two points in which sides along each other touch to pair `k` and to row `rows`; returns the
-    number of rows added, 0 if the pair keeps its witnesses."""
+def _core(piece, points, pair, state):
+    """`core_of` a side or, from its ends in the contact frame, of an edge."""
+    if has_side(piece):
+        return core_of(piece)
+    frame, p, q = state["mobility"], vector_of(points[0]), vector_of(points[1])
+    middle, half = times(0.5, plus(p, 1.0, q)), times(0.5, plus(q, -1.0, p))
+    return plus(vector_of(pair["point_a"]), 1.0, _in_world(frame, middle)), _in_world(frame, half), 0.0
+
+
+@kernel
+def _write_sides(one, two, pairs, k, rows):
+    """Write the two points in which cores of sides or edges along each other touch to pair `k` and to row
+    `rows`; returns the number of rows added, 0 if the pair keeps its witnesses."""
     pair = pairs[k]
     least, most = pair["distance"] - TOUCH_DISTANCE, max(0.0, pair["distance"]) + TOUCH_DISTANCE
-    if rows == len(pairs) or not are_alongside(piece_a, piece_b, least, most):
+    if rows == len(pairs) or not are_alongside(one, two, least, most):
         return 0
     pair["manifold"] = k
     pairs[rows] = pair
-    contact_at_end(piece_a, piece_b, 1.0, pair)
-    contact_at_end(piece_a, piece_b, -1.0, pairs[rows])
+    contact_at_end(one, two, 1.0, pair)
+    contact_at_end(one, two, -1.0, pairs[rows])
     pair["next_point"] = rows
     return 1
 
@@ -284,10 +298,9 @@ def _generator(piece, sign, n, out_edge):
 @kernel
 def _write_edge(points, frame, out_edge):
     """Write the world direction between two points of the contact frame."""
-    x, y, z = points[1, 0] - points[0, 0], points[1, 1] - points[0, 1], points[1, 2] - points[0, 2]
-    size = sqrt(x * x + y * y + z * z)
-    for i in range(3):
-        out_edge[i] = (frame[0, i] * x + frame[1, i] * y + frame[2, i] * z) / size
+    edge = _in_world(frame, plus(vector_of(points[1]), -1.0, vector_of(points[0])))
+    size = sqrt(dot(edge, edge))
+    out_edge[0], out_edge[1], out_edge[2] = times(1 / size, edge)
 
 
 @kernel
@@ -422,6 +435,16 @@ def _in_frame(frame, v):
         frame[0, 0] * v[0] + frame[0, 1] * v[1] + frame[0, 2] * v[2],
         frame[1, 0] * v[0] + frame[1, 1] * v[1] + frame[1, 2] * v[2],
         frame[2, 0] * v[0] + frame[2, 1] * v[1] + frame[2, 2] * v[2],
+    )
+
+
+@kernel
+def _in_world(frame, v):
+    """A vector of the contact frame in the world."""
+    return (
+        frame[0, 0] * v[0] + frame[1, 0] * v[1] + frame[2, 0] * v[2],
+        frame[0, 1] * v[0] + frame[1, 1] * v[1] + frame[2, 1] * v[2],
+        frame[0, 2] * v[0] + frame[1, 2] * v[1] + frame[2, 2] * v[2],
     )
 
 
