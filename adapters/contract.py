@@ -246,7 +246,6 @@ class State:
         return ""
 
     def clear_contacts(self) -> None:
-        """Clear the contacts of the last step."""
         self.contact_count = 0
 
     def add_contact(

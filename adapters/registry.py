@@ -121,7 +121,6 @@ def backend_of(name: str) -> str:
 
 
 def _entry_or_none(name: str) -> Entry | None:
-    """Entry of an engine that is registered or ours; registers nothing."""
     return ENGINES.get(name) or (entry_of_ours(name) if name in OURS else None)
 
 
@@ -242,7 +241,6 @@ def asked_as(name: str) -> str:
 
 
 def _known(name: str) -> Entry:
-    """An engine's entry; asking does not register one of ours."""
     return _entry_or_none(name) or _entry(name)
 
 

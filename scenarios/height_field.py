@@ -27,7 +27,6 @@ class HeightField:
     bottom: float
 
     def faults(self) -> Iterator[tuple[str, str]]:
-        """Fields that are wrong, and what is expected of them."""
         widths = {len(row) for row in self.heights}
         if len(self.heights) < 2 or len(widths) > 1 or min(widths) < 2:
             found = f"{plural(len(self.heights), 'row')} of {sorted(widths)} points"

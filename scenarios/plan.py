@@ -67,7 +67,6 @@ class Decision:
 
     @property
     def on(self) -> bool:
-        """Whether the effect's stage runs."""
         return self.state in ("needed", "forced on")
 
 
@@ -92,7 +91,6 @@ class Plan:
     skipped: tuple[str, ...]
 
     def on(self, effect: str) -> bool:
-        """Whether an effect's stage runs."""
         return self.decisions[PLANNED.index(effect)].on
 
     @property

@@ -479,7 +479,6 @@ class Scenario(ShortRepr):
         return self.gravity if "gravity" in self.effects else ORIGIN
 
     def body_index(self, name: str) -> int:
-        """Index of the body called `name`."""
         return next(i for i, body in enumerate(self.bodies) if body.name == name)
 
     def links(self, tracker: Tracker) -> tuple[int, ...]:

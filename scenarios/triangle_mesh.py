@@ -42,7 +42,6 @@ class TriangleMesh(ShortRepr):
     triangles: tuple[tuple[int, int, int], ...]
 
     def faults(self) -> Iterator[tuple[str, str]]:
-        """Fields that are wrong, and what is expected of them."""
         found = list(self._wrong_numbers()) or list(self._open_edges()) or list(self._wrong_sides())
         yield from found or (
             (f"triangles[{k}]", "crosses or touches another triangle: nothing is solid behind it")

@@ -119,6 +119,5 @@ def checked(one: Check, bench: Bench) -> tuple[tuple[str, ...], str]:
 
 
 def _place(error: BaseException) -> str:
-    """Function, file and line in which an exception was raised."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
     return f" in `{frame.name}` ({frame.filename}, line {frame.lineno})"

@@ -48,7 +48,6 @@ class BulletDetector(PythonDetector):
         pybullet.resetSimulation(physicsClientId=self._client)
 
     def describe(self) -> Mapping[str, Scalar]:
-        """Version and call."""
         return {
             "version": f"{version('pybullet')} (API {pybullet.getAPIVersion()})",
             "call": "getClosestPoints",

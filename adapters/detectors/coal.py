@@ -93,7 +93,6 @@ class WarmBatch:
         self._distance, self._normal = np.zeros(len(pairs)), np.zeros((len(pairs), 3))
 
     def ask(self) -> Array:
-        """Time of each query [s]."""
         seconds = np.zeros(len(self._queries))
         for k, (query, before) in enumerate(zip(self._queries, self._earlier)):
             request = self._requests[k % len(self._requests)]
@@ -113,11 +112,9 @@ class WarmBatch:
         return seconds, distance
 
     def answers(self) -> Answers:
-        """Distances and normals."""
         return Answers(self._distance.copy(), self._normal.copy(), {})
 
     def close(self) -> None:
-        """Release the shapes."""
         self._queries, self._earlier = [], []
 
 

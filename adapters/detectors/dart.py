@@ -40,7 +40,6 @@ class DartDetector(PythonDetector):
         self._skeletons.clear()
 
     def describe(self) -> Mapping[str, Scalar]:
-        """Version and detector."""
         return {"version": str(dartpy.__version__), "call": f"collide ({self._kind})"}
 
     def _query(self, pair: Pair) -> Query:

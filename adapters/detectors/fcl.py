@@ -34,7 +34,6 @@ class FclCollide(PythonDetector):
     """Contacts only, by default one, the deepest; reports no contact for separated pieces."""
 
     def describe(self) -> Mapping[str, Scalar]:
-        """Version and solver."""
         request = fcl.CollisionRequest()
         return {"version": fcl.__version__, "call": "collide", "solver": str(request.gjk_solver_type)}
 
@@ -56,7 +55,6 @@ class FclDistance(PythonDetector):
     crossings = (APART, APART)
 
     def describe(self) -> Mapping[str, Scalar]:
-        """Version and solver."""
         request = fcl.DistanceRequest()
         return {"version": fcl.__version__, "call": "distance", "solver": str(request.gjk_solver_type)}
 

@@ -30,7 +30,6 @@ class MujocoDetector(PythonDetector):
         hear_warnings()
 
     def describe(self) -> Mapping[str, Scalar]:
-        """Version and options."""
         spec = mujoco.MjSpec()
         self._set_options(spec)
         option = spec.compile().opt

@@ -65,7 +65,6 @@ class _Examiner:
     """Child's end."""
 
     def handle(self, command: str, argument: Any) -> tuple[str, Entry]:
-        """Import a plug-in and return the engine's name and entry."""
         return examined(argument)
 
 

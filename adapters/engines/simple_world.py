@@ -106,7 +106,6 @@ class SimpleWorld:
         self._touched.clear()
 
     def read(self, state: State) -> None:
-        """Write the arrays and the contacts of the last step into `state`."""
         state.position[:], state.orientation[:] = self.position, self.orientation
         state.linear_velocity[:], state.angular_velocity[:] = self.linear_velocity, self.angular_velocity
         state.clear_contacts()

@@ -150,7 +150,6 @@ def _add_servos(scenario: Scenario, root: ET.Element) -> None:
 
 
 def _turned_back(axis: Vector, orientation: Quaternion) -> Vector:
-    """An axis of the parent's frame in the child's."""
     from scipy.spatial.transform import Rotation
 
     x, y, z = Rotation.from_quat(orientation, scalar_first=True).inv().apply(axis).tolist()

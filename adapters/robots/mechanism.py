@@ -135,7 +135,6 @@ def _body(tree: _Tree, k: int, maker: PieceMaker, notes: list[str]) -> Body:
 def _joint(
     model: Any, tree: _Tree, k: int, drives: dict[int, list[Drive]], carried: float | None
 ) -> BodyJoint:
-    """Joint of a link with its parent."""
     link = tree.links[k]
     parent, turn, q = tree.links[link.parent], tree.turns[link.parent], tree.start[k]
     fields: dict[str, Any] = {

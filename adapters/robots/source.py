@@ -288,5 +288,4 @@ def _at(root: Element, path: Path, line: re.Match[str] | None, tag: re.Match[str
 
 
 def _named(root: Element, name: str) -> Element | None:
-    """First element of a name."""
     return next((one for one in root.walk() if one.attributes.get("name") == name), None)

@@ -38,7 +38,6 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def walk(self) -> Iterator[Element]:
-        """The element and all below it."""
         yield self
         for child in self.children:
             yield from child.walk()

@@ -87,7 +87,6 @@ class _Writer:
         self._module: Any = importlib.import_module(module)
 
     def handle(self, command: str, argument: Any) -> object:
-        """Write a script or lines of settings."""
         if command == "lines":
             scenario, several = argument
             return [self._lines(scenario, one) for one in several]

@@ -142,7 +142,6 @@ class Trace:
         return Proxy(self, found, Ref(place))
 
     def assigned(self, owner: Any, name: str, value: Any) -> None:
-        """Record an assignment to an attribute."""
         self.statements.append(Statement(Attribute(owner, name), (("", expression(value)),), assigned=True))
 
     def is_read(self, statement: Statement) -> bool:

@@ -246,13 +246,11 @@ class Writer:
 
 
 def _hint(function: str) -> str:
-    """Name of a variable for an argument of a function without a name of its own."""
     stem = function.removeprefix("set").removeprefix("reset").removeprefix("change").removeprefix("create")
     return f"{stem[:1].lower()}{stem[1:]}" if stem else "value"
 
 
 def _free(name: str, taken: Sequence[str]) -> str:
-    """A name that is not taken yet."""
     found, k = name, 2
     while found in taken:
         found, k = f"{name}_{k}", k + 1

@@ -193,7 +193,6 @@ class _Child(ChildProcess):
         self.take(job)
 
     def take(self, job: Job) -> None:
-        """Make a job the next one."""
         self.job = job
         self.label = f"{job.engine} {job.settings.label}"
         self.compiles = job.engine in ENGINES and bool(ENGINES[job.engine].compiles)

@@ -89,7 +89,6 @@ def _own_paths() -> list[str]:
 
 
 def _packages(folder: Path) -> Path:
-    """The folder of packages of an environment."""
     base = {"base": str(folder), "platbase": str(folder)}
     return Path(sysconfig.get_path("purelib", "venv", base)).absolute()
 

@@ -57,5 +57,4 @@ class _Importer:
         self._loader = loader
 
     def handle(self, command: str, argument: Any) -> str:
-        """Import an engine and return its version."""
         return self._loader(argument).version()

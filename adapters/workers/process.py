@@ -229,7 +229,6 @@ class ChildProcess:
                 return False
 
     def ask(self, command: str, argument: object = None) -> Any:
-        """Send a command and wait for its answer."""
         self.send(command, argument)
         return self.receive()
 

@@ -153,7 +153,6 @@ class _Run:
             self._ended = str(error)
 
     def step(self, number: int) -> float:
-        """Play one frame and return its time [s]."""
         if self._world is None or self._ended:
             return 0.0
         try:
@@ -186,7 +185,6 @@ class _Run:
         self._moved, self._turned = max(self._moved, float(moved)), max(self._turned, float(turned.max()))
 
     def close(self, first: _Run) -> Variant:
-        """Free the world and return the result relative to the first variant."""
         if self._world is not None:
             self._world.close()
         same = self._same and not self._ended

@@ -41,7 +41,6 @@ class Family:
 
     @property
     def summary(self) -> str:
-        """First line of the function's docstring."""
         return (self.build.__doc__ or "").strip().splitlines()[0]
 
     @property
@@ -51,11 +50,9 @@ class Family:
         return all(body.kind != "simulated" for body in self.scene(self.levels[0])[0].bodies)
 
     def scene_name(self, level: float) -> str:
-        """Name of the scene of a level."""
         return f"{TAG}_{self.name}_{level_text(level)}"
 
     def scene(self, level: float) -> tuple[Scenario, Checks]:
-        """Scene of a level, and what must hold in it."""
         case = self.build(level)
         fields: dict[str, object] = {
             "coefficients": (PairCoefficients(MATERIAL, MATERIAL, case.restitution, case.friction),),

@@ -60,7 +60,6 @@ def _wave(gap: float, speed: float) -> Scenario:
 
 
 def _row(count: int, pitch: float) -> tuple[Body, ...]:
-    """Dominoes along y, of which the first is pushed over."""
     _, y, z = HALF
     # It rotates about its front edge: v = w x r.
     push = (IDENTITY, (0.0, RATE * z, RATE * y), (-RATE, 0.0, 0.0))

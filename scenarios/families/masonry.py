@@ -121,7 +121,6 @@ def _stone(k: int, thickness: float) -> Body:
 def _standing(
     name: str, summary: str, bodies: tuple[Body, ...], mu: float, duration: float = 1.0
 ) -> Scenario:
-    """Scene of bodies that do not move."""
     return Scenario(
         name=name,
         summary=summary,

@@ -263,7 +263,6 @@ class Mechanism:
         return np.column_stack([rows[:, :3] / np.sqrt(self.mass)[:, None], turning])
 
     def rate(self, time: float, state: Array) -> Array:
-        """Rate of a state."""
         n = len(self.bodies)
         places, turns, pace, known = self.unpacked(time, state)
         rows, axes = self.rows(places, turns, pace, state[13 * n :])

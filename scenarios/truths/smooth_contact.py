@@ -154,7 +154,6 @@ class SmoothContact:
         return np.asarray(-(at.n @ at.b + at.dn @ at.u) / (at.n @ at.mobility @ direction) * direction)
 
     def rate(self, state: Array, mode: Mode, onset: Array) -> Array:
-        """Rate of a state."""
         at = self.contact(state)
         force = self.force(at, mode, onset)
         q, w = state[3:7], state[10:]

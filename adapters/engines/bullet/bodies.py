@@ -127,7 +127,6 @@ class Bodies:
         self.anchored = self._with_anchors()
 
     def add(self) -> None:
-        """Create all bodies in their initial state."""
         self.free = [self._add_free(k) for k in self._alone]
         self.joined = [self._add_joined(tree) for tree in self._trees]
         self.driven = [self._add_driven(k) for k in self._drives]
@@ -152,7 +151,6 @@ class Bodies:
         }
 
     def _add_free(self, body: int) -> Multibody:
-        """Add a fixed or simulated body."""
         given = self._scenario.bodies[body]
         create = self._create_rigid if body in self.rigid else self._create
         number = create((body,), [], given.position, given.orientation)
@@ -160,7 +158,6 @@ class Bodies:
         return Multibody(number, (body,))
 
     def _add_joined(self, tree: Tree) -> Multibody:
-        """Add a mechanism in its initial state."""
         based, place = len(tree.bodies) - len(tree.joints), (ORIGIN, IDENTITY)
         if based:
             root = self._scenario.bodies[tree.bodies[0]]
@@ -196,7 +193,6 @@ class Bodies:
         return Multibody(number, drive.links, slice(first, first + len(joints)))
 
     def _hinge(self, joint: Joint, bodies: Links) -> Link:
-        """The link of a driven body's hinge."""
         rest = Rotation.from_quat(joint.orientation, scalar_first=True)
         return {
             "linkPositions": joint.position,
@@ -228,7 +224,6 @@ class Bodies:
         position: Sequence[float],
         wxyz: Sequence[float],
     ) -> int:
-        """Create a multibody of bodies with these shapes."""
         based = len(bodies) - len(links)
         parts = [self._part(body, shape[0]) for body, shape in zip(bodies, shapes)]
         base, *parts = parts if based else [Part(0.0, NO_SHAPE), *parts]
@@ -291,7 +286,6 @@ class Bodies:
             self.colliders.setdefault(body, []).append((number, link))
 
     def _part(self, body: int, shape: int) -> Part:
-        """Mass and inertial frame of a body."""
         given = self._scenario.bodies[body]
         weightless = given.kind == "fixed" or body in self._weightless
         own = self.masses[body]

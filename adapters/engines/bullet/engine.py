@@ -57,7 +57,6 @@ class BulletEngine:
     friction_laws: ClassVar[tuple[str, ...]] = ("rolling_friction", "torsional_friction")
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Build a world in its own physics client."""
         require_profile(self.name, settings)
         joined = {name for joint in scenario.body_joints for name in (joint.parent, joint.child)}
         for body in scenario.bodies:
@@ -77,7 +76,6 @@ class BulletEngine:
         return World(scenario, settings, factors)
 
     def version(self) -> str:
-        """Versions of the package and of Bullet's API."""
         return f"{version('pybullet')} (API {pybullet.getAPIVersion()})"
 
 
@@ -211,16 +209,13 @@ class World(SceneWorld):
         )
 
     def _push(self, number: int, link: int, force: list[float], position: Array) -> None:
-        """Apply a force at a world point for the next step."""
         pybullet.applyExternalForce(number, link, force, position.tolist(), pybullet.WORLD_FRAME, **self._on)
 
     def step(self) -> None:
-        """Advance one native step."""
         self._read_since_step = False
         pybullet.stepSimulation(**self._on)
 
     def read(self, state: State) -> None:
-        """Read the state and the contacts of the last step."""
         for multibody in self._moving:
             self._observe(multibody)
         turned = Rotation.from_quat(self._turn) * self._to_body
@@ -249,7 +244,6 @@ class World(SceneWorld):
         self._contact_count = state.contact_count
 
     def _add_contacts(self, points: Sequence[tuple[Any, ...]], state: State) -> None:
-        """Write contact points as `getContactPoints` returns them into `state`."""
         _, a, b, link_a, link_b, on_a, on_b, normal, distance, *forces = zip(*points)
         push, pull_1, tangent_1, pull_2, tangent_2 = forces
         axes = np.array((normal, tangent_1, tangent_2)).swapaxes(0, 1)
@@ -276,7 +270,6 @@ class World(SceneWorld):
         )
 
     def cross(self) -> None:
-        """Set the time step to its present value."""
         pybullet.setTimeStep(self._settings.dt, **self._on)
 
     def work(self) -> Mapping[str, float]:
@@ -284,7 +277,6 @@ class World(SceneWorld):
         return {"contacts": float(self._contact_count)}
 
     def close(self) -> None:
-        """Disconnect the client."""
         pybullet.disconnect(**self._on)
 
 

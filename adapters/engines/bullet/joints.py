@@ -126,7 +126,6 @@ class Motors:
         self._law = laws([tree.joints[k] for k in self._links])
 
     def push(self) -> None:
-        """Command the motors for the next step."""
         if not self._links:
             return
         states = pybullet.getJointStates(self._number, self._links, **self._on)

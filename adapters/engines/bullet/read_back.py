@@ -38,7 +38,6 @@ class ReadBack:
         ]
 
     def bodies(self) -> dict[str, BodyFacts]:
-        """Mass properties by body."""
         rows = zip(self._scenario.bodies, self._facts, self._bodies.origin)
         return {body.name: _body_facts(fact, origin) for body, fact, origin in rows}
 

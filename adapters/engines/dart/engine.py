@@ -86,12 +86,10 @@ class DartEngine:
     plays_body_joints: ClassVar[bool] = True
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported if DART cannot represent it."""
         require_profile(self.name, settings)
         return World(scenario, settings)
 
     def version(self) -> str:
-        """Version of the loaded package."""
         return str(dartpy.__version__)
 
 
@@ -229,7 +227,6 @@ class World(SceneWorld):
                 joint.setCommands(joint.getVelocities())
 
     def step(self) -> None:
-        """Advance by one World.step."""
         self._world.step()
 
     def read(self, state: State) -> None:
@@ -252,7 +249,6 @@ class World(SceneWorld):
             self._add_contacts(contacts, state)
 
     def _add_contacts(self, contacts: list[Any], state: State) -> None:
-        """Write DART's contacts into `state`."""
         sides = zip(*((one.collisionObject1, one.collisionObject2) for one in contacts))
         nodes = ([one.getShapeFrame().getBodyNodePtr() for one in side] for side in sides)
         first, second = (np.array([self._body_of[node] for node in side]) for side in nodes)
@@ -281,7 +277,6 @@ class World(SceneWorld):
         return drive.servo_stiffness * error + drive.servo_damping * error_rate
 
     def describe(self) -> Manifest:
-        """Manifest as read from DART."""
         bodies = zip(self._scenario.bodies, self._nodes)
         return self._manifest(
             self._facts(),
@@ -303,7 +298,6 @@ class World(SceneWorld):
         return {name: (low, high) for name, (_, low, high) in zip(names, hinges)}
 
     def _combined(self, a: int, b: int) -> tuple[float, float]:
-        """Restitution and friction of two bodies as read from their first shapes."""
         one, two = (self._nodes[body].getShapeNode(0).getDynamicsAspect() for body in (a, b))
         friction = min(one.getFrictionCoeff(), two.getFrictionCoeff())
         return one.getRestitutionCoeff() * two.getRestitutionCoeff(), friction
@@ -368,15 +362,12 @@ class World(SceneWorld):
         return detector_choice(self._scenario, self._settings.profile)[1]
 
     def cross(self) -> None:
-        """Call a getter of one number."""
         self._world.getTime()
 
     def work(self) -> Mapping[str, float]:
-        """Number of contacts of the last step."""
         return {"contacts": self._world.getLastCollisionResult().getNumContacts()}
 
     def close(self) -> None:
-        """Drop every reference into DART, which releases its memory."""
         self._nodes, self._moving, self._roots, self._hands, self._body_of = [], [], [], [], {}
         self._motors = []
         self._world.removeAllSkeletons()

@@ -78,7 +78,6 @@ class DrakeEngine:
     profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported if Drake cannot represent it."""
         require_profile(self.name, settings)
         if settings.drive == "posed" and scenario.trackers:
             raise Unsupported("drake: no kinematic links in a discrete plant; choose --drive native")
@@ -94,7 +93,6 @@ class DrakeEngine:
         return World(scenario, settings)
 
     def version(self) -> str:
-        """Version of the installed wheel."""
         return version("drake")
 
 
@@ -219,7 +217,6 @@ class World(SceneWorld):
         return np.concatenate(self._applied)
 
     def step(self) -> None:
-        """Advance by one step of the plant."""
         self._steps += 1
         self._simulator.AdvanceTo(self._steps * self._settings.dt)
 
@@ -279,7 +276,6 @@ class World(SceneWorld):
         return angles, np.array([hinge.get_angular_rate(context) for hinge in hinges])
 
     def _hinge_torques(self) -> Array:
-        """Torques of all hinges during the last step (j,) [N m]."""
         hinges = [hinge for each in self._hinges for hinge in each]
         if not hinges:
             return np.zeros(0)
@@ -289,7 +285,6 @@ class World(SceneWorld):
         return torque
 
     def describe(self) -> Manifest:
-        """Manifest as read from the finalized plant."""
         scenario, plant = self._scenario, self._plant
         facts = {
             body.name: _body_facts(drake)
@@ -321,7 +316,6 @@ class World(SceneWorld):
         }
 
     def _integrator_facts(self) -> dict[str, Scalar]:
-        """What takes the steps, as read back."""
         if self._plant.time_step() > 0:
             return {"integrator": "discrete"}
         accuracy = float(self._simulator.get_integrator().get_target_accuracy())
@@ -334,11 +328,9 @@ class World(SceneWorld):
         return 0.0, float(CalcContactFrictionFromSurfaceProperties(*surfaces).dynamic_friction())
 
     def cross(self) -> None:
-        """Make an empty call into pydrake."""
         self._plant.time_step()
 
     def close(self) -> None:
-        """Release the plant and its simulator."""
         del self._simulator, self._results, self._context, self._root_context, self._diagram
 
 

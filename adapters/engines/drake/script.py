@@ -137,7 +137,6 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
 
 
 def _added(scenario: Scenario, drives: list[Drive]) -> list[str]:
-    """Arguments of `add` per body."""
     factors, masses = harmonic_factors(scenario, frictions(scenario)), simulated_masses(scenario, drives)
     groups, found = scenario.groups(), []
     for k, body in enumerate(scenario.bodies):
@@ -157,7 +156,6 @@ def _placed(piece: Piece) -> RigidTransform:
 
 
 def _started(scenario: Scenario, drives: list[Drive]) -> list[str]:
-    """Name, pose and velocity of each moving body at the start."""
     found = [_start(body.name, *start_of(body)) for body in scenario.bodies if body.kind == "simulated"]
     for drive in drives:
         pose = transform(drive.start_position[0], drive.start_orientation[0])
@@ -171,13 +169,11 @@ def _start(name: str, pose: RigidTransform, omega: Array, velocity: Array) -> st
 
 
 def _pose(pose: RigidTransform) -> str:
-    """Expression of a pose."""
     turn, place = pose.rotation().matrix(), literal(pose.translation())
     return f"pose({place})" if np.array_equal(turn, np.eye(3)) else f"pose({place}, {literal(turn)})"
 
 
 def _shape(piece: Piece) -> str:
-    """Expression of a shape, with full sides and lengths."""
     match piece.shape:
         case shapes.Sphere(radius):
             return f"Sphere({literal(radius)})"

@@ -150,7 +150,6 @@ def add_contacts(
 
 
 def _set_geom(geom: Any, chosen: GeomFilter, settings: Settings) -> None:
-    """Set masks and contact parameters of a geom."""
     e, mu = chosen.coefficients
     geom.contype, geom.conaffinity, geom.priority = chosen.contype, chosen.conaffinity, chosen.priority
     geom.condim, geom.friction, geom.solref = 3 if mu > 0 else 1, (mu, 0.0, 0.0), solref_of(e, settings)

@@ -92,7 +92,6 @@ class MujocoEngine:
     masks: ClassVar[bool] = True
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported if MuJoCo cannot represent it."""
         require_profile(self.name, settings)
         hear_warnings()
         spec, bodies, drives = translated(scenario, settings, self.masks)
@@ -110,7 +109,6 @@ class MujocoEngine:
         return World(model, body, scenario, settings, drives)
 
     def version(self) -> str:
-        """Version of the loaded library."""
         return mujoco.mj_versionString()
 
 
@@ -226,7 +224,6 @@ class World(SceneWorld):
         self._data.qfrc_applied[dofs] = mass / self._settings.dt * np.array([*(after - velocity), *rate])
 
     def step(self) -> None:
-        """Advance by one mj_step."""
         mujoco.mj_step(self._model, self._data)
 
     def read(self, state: State) -> None:
@@ -273,7 +270,6 @@ class World(SceneWorld):
         state.add_contacts(bodies[:, 0], bodies[:, 1], contact.pos, axes[:, 0], contact.dist, impulse)
 
     def describe(self) -> Manifest:
-        """Manifest as read from the compiled model."""
         scenario, parameters = self._scenario, contact_parameters(self._model)
 
         def combined(a: int, b: int) -> tuple[float, float]:
@@ -345,7 +341,6 @@ class World(SceneWorld):
         return BodyFacts.of(model.body_mass[body], model.body_ipos[body], inertia)
 
     def cross(self) -> None:
-        """Make the cheapest call into the library."""
         mujoco.mj_version()
 
     def stage_seconds(self) -> Mapping[str, float]:
@@ -368,5 +363,4 @@ class World(SceneWorld):
         return {"contacts": data.ncon, "rows": data.nefc, "iterations": int(iterations)}
 
     def close(self) -> None:
-        """Drop the model and its data, which releases their memory."""
         del self._data, self._model

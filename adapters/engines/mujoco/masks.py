@@ -88,7 +88,6 @@ def contact_filter(scenario: Scenario) -> ContactFilter:
 
 
 def _groups(scenario: Scenario) -> list[Group]:
-    """Group of each body."""
     return [(body.kind, tracker, body.material) for body, tracker in zip(scenario.bodies, scenario.groups())]
 
 

@@ -139,7 +139,6 @@ class _Document:
         return ['xml = """<mujoco>', *map(within, self.settings_xml())]
 
     def lines(self) -> list[str]:
-        """The rest of the document."""
         spec = self._spec
         meshes = [
             _element("mesh", self._named("mesh", m) | {"vertex": _numbers(m.uservert)}) for m in spec.meshes
@@ -211,7 +210,6 @@ _DEFAULTS: Mapping[str, Callable[[], Any]] = {
 
 
 def _is_list(value: Any) -> bool:
-    """Whether a field lists other elements."""
     return isinstance(value, (list, tuple)) and any(hasattr(one, "signature") for one in value)
 
 
@@ -222,7 +220,6 @@ def _equal(value: Any, default: Any) -> bool:
 
 
 def _value(field: str, value: Any) -> str:
-    """Text of a field's value in MJCF."""
     if field == "degree":
         return "degree" if value else "radian"
     if isinstance(choice := SETTINGS.get(field), Choice):

@@ -48,7 +48,6 @@ class MujocoWarpEngine(MujocoEngine):
         warp.config.quiet = True
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported if MuJoCo or MuJoCo Warp cannot represent it."""
         if settings.sleeping or settings.profile == "sleeping":
             raise Unsupported("mujoco_warp: no sleeping on the CPU")
         own = [text for text in settings.changes if text.startswith(f"{WORLDS}=")]
@@ -62,11 +61,9 @@ class MujocoWarpEngine(MujocoEngine):
     def world_of(
         self, model: Any, body: list[int], scenario: Scenario, settings: Settings, drives: list[Drive]
     ) -> WarpWorld:
-        """What steps a compiled model by Warp."""
         return WarpWorld(model, body, scenario, settings, drives, self._worlds)
 
     def version(self) -> str:
-        """Version of the installed wheel."""
         return version("mujoco-warp")
 
 
@@ -103,7 +100,6 @@ class WarpWorld(World):
                     getattr(self._warp_data, name).assign(np.repeat(values[None], self._worlds, axis=0))
 
     def step(self) -> None:
-        """Advance by one step of MuJoCo Warp."""
         with warp.ScopedDevice(CPU):
             mujoco_warp.step(self._warp_model, self._warp_data)
 
@@ -116,14 +112,12 @@ class WarpWorld(World):
         super().read(state)
 
     def describe(self) -> Manifest:
-        """Manifest as read from the compiled model."""
         return replace(super().describe(), engine=MujocoWarpEngine.name, version=version("mujoco-warp"))
 
     def _facts(self) -> dict[str, Scalar]:
         return super()._facts() | {"warp": version("warp-lang"), "device": CPU, WORLDS: self._worlds}
 
     def cross(self) -> None:
-        """Make an empty call into Warp."""
         warp.is_cpu_available()
 
     def stage_seconds(self) -> Mapping[str, float]:
@@ -131,6 +125,5 @@ class WarpWorld(World):
         return {}
 
     def close(self) -> None:
-        """Release the models and their data."""
         super().close()
         del self._warp_model, self._warp_data

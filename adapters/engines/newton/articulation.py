@@ -78,7 +78,6 @@ class Articulation:
         return joint
 
     def start(self, model: Any, state: Any) -> None:
-        """Set coordinates and velocities of a state."""
         self._coordinates = model.joint_q_start.numpy()[self._joints]
         self._freedoms = model.joint_qd_start.numpy()[self._joints]
         place, moved = state.joint_q.numpy(), state.joint_qd.numpy()

@@ -78,7 +78,6 @@ class NewtonEngine:
         warp.config.quiet = True
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
         if settings.profile == KAMINO and len(coupled(scenario, settings)) < len(scenario.trackers):
             raise Unsupported("newton: Kamino's PADMM does not move kinematic bodies")
@@ -99,7 +98,6 @@ class NewtonEngine:
         return World(scenario, settings)
 
     def version(self) -> str:
-        """Version of the installed wheel."""
         return version("newton")
 
 
@@ -259,7 +257,6 @@ class World(SceneWorld):
         state.add_contacts(a[acted], b[acted], point[acted], normal[acted], distance[acted], impulse[acted])
 
     def describe(self) -> Manifest:
-        """Manifest as read from the finalized model."""
         scenario, model = self._scenario, self._model
         mass, com, inertia = (
             array.numpy() if array is not None else np.zeros(0)
@@ -301,7 +298,6 @@ class World(SceneWorld):
         return facts
 
     def _combined(self, a: int, b: int) -> tuple[float, float]:
-        """Restitution and friction of two bodies' first shapes as the solver combines them."""
         of = [int(np.argmax(self._owners == body)) for body in (a, b)]
         mu = self._model.shape_material_mu.numpy()[of].astype(float)
         e = self._model.shape_material_restitution.numpy()[of].astype(float)
@@ -312,11 +308,9 @@ class World(SceneWorld):
         return float(e.mean()), float(friction)
 
     def cross(self) -> None:
-        """Make an empty call into Warp."""
         warp.is_cpu_available()
 
     def close(self) -> None:
-        """Release the model and its solver."""
         del self._solver, self._detector, self._contacts, self._observed, self._model
 
 

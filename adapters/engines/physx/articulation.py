@@ -75,7 +75,6 @@ class Articulation:
         self._start(settings)
 
     def _start(self, settings: Settings) -> None:
-        """Set angles, velocities and iterations."""
         values, start = SETTINGS.in_force(settings.profile, settings.changes), self._drive.start
         for name in ("solver_position_iterations", "solver_velocity_iterations"):
             getattr(self._whole, f"set_{name}")(values[name])

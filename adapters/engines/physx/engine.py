@@ -42,14 +42,12 @@ class PhysxEngine:
     profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
         if any(map(surface_moves, scenario.bodies)):
             raise Unsupported("physx: the adapter has no moving surfaces")
         return World(scenario, settings)
 
     def version(self) -> str:
-        """Version of the installed wheel of SAPIEN."""
         return version("sapien")
 
 
@@ -91,7 +89,6 @@ class World(SceneWorld):
                 self._added[link][1].set_kinematic_target(target)
 
     def step(self) -> None:
-        """Advance by one step of the system."""
         self._system.step()
 
     def read(self, state: State) -> None:
@@ -133,7 +130,6 @@ class World(SceneWorld):
         state.add_contacts(b[acted], a[acted], point[acted], normal[acted], distance[acted], impulse[acted])
 
     def describe(self) -> Manifest:
-        """Manifest as read from the scene."""
         components = [component for _, component in self._added]
         return self._manifest(
             facts_of(self._system, components)
@@ -147,16 +143,13 @@ class World(SceneWorld):
         )
 
     def _combined(self, a: int, b: int) -> tuple[float, float]:
-        """Restitution and friction of two bodies as read from their materials."""
         first, second = (self._added[k][1].collision_shapes[0].physical_material for k in (a, b))
         restitution = (first.restitution + second.restitution) / 2
         return restitution, (first.dynamic_friction + second.dynamic_friction) / 2
 
     def cross(self) -> None:
-        """Read one number."""
         _ = self._system.timestep
 
     def close(self) -> None:
-        """Release the scene."""
         self._number, self._added, self._jointed = {}, [], []
         del self._scene, self._system

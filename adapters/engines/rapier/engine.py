@@ -69,7 +69,6 @@ class RapierEngine:
     profiles: ClassVar[Mapping[str, float]] = ENTRY.profiles
 
     def build(self, scenario: Scenario, settings: Settings) -> World:
-        """Translate a scenario; raises Unsupported if the adapter cannot represent it."""
         require_profile(self.name, settings)
         others = coupled(scenario, settings)
         if others and settings.drive != "native":
@@ -79,7 +78,6 @@ class RapierEngine:
         return World(scenario, settings)
 
     def version(self) -> str:
-        """Version of the installed wheel."""
         return version("rapier3d")
 
 
@@ -124,7 +122,6 @@ class World(SceneWorld):
                 self._bodies[link].set_next_kinematic_position(place)
 
     def step(self) -> None:
-        """Advance by one step of the world."""
         self._world.step()
 
     def read(self, state: State) -> None:
@@ -181,7 +178,6 @@ class World(SceneWorld):
         return self._position[owners] + turned(self._orientation[owners], point)
 
     def describe(self) -> Manifest:
-        """Manifest as read from the world."""
         return self._manifest(
             facts_of(self._world, self._settings, self._rules)
             | {"root_drive": ROOT_DRIVE if self._anchors else ROOT_DRIVES["posed"]}
@@ -194,14 +190,12 @@ class World(SceneWorld):
         )
 
     def _combined(self, a: int, b: int) -> tuple[float, float]:
-        """Restitution and friction of two bodies as read from their colliders."""
         first, second = (self._world.colliders[self._bodies[k].colliders[0]] for k in (a, b))
         (*_, mix_friction), (*_, mix_restitution) = self._rules
         friction = mix_friction(first.friction, second.friction)
         return mix_restitution(first.restitution, second.restitution), friction
 
     def cross(self) -> None:
-        """Read one number."""
         _ = self._world.num_threads
 
     def stage_seconds(self) -> Mapping[str, float]:
@@ -213,9 +207,7 @@ class World(SceneWorld):
         }
 
     def work(self) -> Mapping[str, float]:
-        """Contacts that the last step solved."""
         return {"contacts": self._world.physics_pipeline.counters.solver.ncontacts}
 
     def close(self) -> None:
-        """Drop every reference into Rapier, which releases its memory."""
         del self._bodies, self._hinges, self._world

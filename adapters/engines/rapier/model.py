@@ -203,7 +203,6 @@ def mass_facts(body: Any) -> BodyFacts:
 
 
 def _place(piece: Piece) -> Any:
-    """Pose of a piece's collider in its body."""
     own = pose(piece.position, piece.orientation)
     return own * pose(ORIGIN, Y_TO_Z) if isinstance(piece.shape, shapes.Cylinder | shapes.Cone) else own
 

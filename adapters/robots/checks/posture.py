@@ -25,7 +25,6 @@ class Posture:
     data: Any = field(repr=False)
 
     def piece(self, geom: int) -> Piece:
-        """A colliding geom as a piece in the world."""
         body = self.model.geom_bodyid[geom]
         return self.maker.piece(geom, self.data.xpos[body], self.data.xmat[body].reshape(3, 3))
 
