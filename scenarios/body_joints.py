@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import get_args, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.number_checks import LONGEST, Report, finite, unit
 from touchstone.scenarios.scenario import ORIGIN, UNBOUNDED, Body, BodyJoint, Scenario, vector
 
@@ -25,7 +25,6 @@ PARTING = 1e-9
 """Velocity by which a joint may part at the start, over the speeds of its bodies [1]: rounding."""
 IMPLIED = 1e-9
 """Singular value, over the largest, up to which equations of joints imply one another [1]: rounding."""
-Array = NDArray[np.float64]
 
 
 def spanning_trees(scenario: Scenario) -> tuple[list[BodyJoint], list[BodyJoint]]:

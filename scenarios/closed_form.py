@@ -18,9 +18,10 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk, ellipkinc
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.tracking import path, sample
 from touchstone.scenarios.scenario import Arc, Body, Scenario, Sphere, Tracker, Truth
-from touchstone.scenarios.truths.body_motion import Array, Motion
+from touchstone.scenarios.truths.body_motion import Motion
 from touchstone.scenarios.truths.mechanism import mechanism_motion
 from touchstone.scenarios.truths.rolling_cone import rolling_cone
 from touchstone.scenarios.truths.smooth_contact import smooth_contact

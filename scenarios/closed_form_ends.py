@@ -5,11 +5,10 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.scenario import Body, Scenario, Sphere
 
-Array = NDArray[np.float64]
 STILL = 1e-9
 """Bounce speed below which a ball is at rest [m/s]: it would rise by 5e-20 m."""
 ROLLING = 2 / 7

@@ -6,13 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Body, Scenario, Sphere
 
-Array = NDArray[np.float64]
 Pair = tuple[int, int]
 Need = tuple[bool, str]
 """Whether an effect is needed, and the reason in words for a table."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.scenario import (
     HALF_SPACE_REACH,
     Box,
@@ -19,8 +19,6 @@ from touchstone.scenarios.scenario import (
     Shape,
     Sphere,
 )
-
-Array = NDArray[np.float64]
 
 
 def extents(shape: Shape, turned: Array) -> tuple[Array, Array]:

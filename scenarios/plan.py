@@ -13,7 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from touchstone.scenarios.effects import EFFECT_TABLE, PLANNED, Array, Meetings, Pair
+from touchstone.scenarios.arrays import Array
+from touchstone.scenarios.effects import EFFECT_TABLE, PLANNED, Meetings, Pair
 from touchstone.scenarios.scenario import FRICTION_LAWS, Body, Scenario, Tracker
 
 State = Literal["needed", "not needed", "forced on", "forced off"]

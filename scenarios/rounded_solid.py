@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from math import pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Matrix, Vector, vector
 
-Array = NDArray[np.float64]
 Moments = tuple[float, Array, Array]
 """Volume [m^3], and the integrals of x (3,) [m^4] and of x x^T (3, 3) [m^5] over it."""
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.plural import plural
 from touchstone.scenarios.rounded_solid import rounded_mass_properties, surface_points
 from touchstone.scenarios.scenario import (
@@ -267,7 +268,7 @@ def slab(
     )
 
 
-def outward_faces(points: NDArray[np.float64]) -> NDArray[np.int32]:
+def outward_faces(points: Array) -> NDArray[np.int32]:
     """Triangles (t, 3) of the hull of `points` (n, 3), counter-clockwise seen from outside."""
     hull = ConvexHull(points)
     p, q, r = (points[hull.simplices[:, k]] for k in range(3))

@@ -13,8 +13,8 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.body_joints import mechanisms
 from touchstone.scenarios.scenario import (
     TRACKED,
@@ -25,8 +25,6 @@ from touchstone.scenarios.scenario import (
     Vector,
     vector,
 )
-
-Array = NDArray[np.float64]
 
 
 def shifted(scenario: Scenario, shift: Array) -> Scenario:

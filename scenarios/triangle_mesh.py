@@ -15,10 +15,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.number_checks import LONGEST
 from touchstone.scenarios.scenario import Hull, Piece, ShortRepr, Vector, vector
 
-Array = NDArray[np.float64]
 MOST_TRIANGLES = 8192
 """Most triangles of a mesh [1]: each is a piece."""
 SLIVER = 1e-3

@@ -21,8 +21,8 @@ from math import atan2, cos, hypot, pi, radians, sin
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.chains import ball_limits
 from touchstone.scenarios.avatar.hand import PALM_HALF_EXTENTS, hand_parts
 from touchstone.scenarios.scenario import (
@@ -41,8 +41,6 @@ from touchstone.scenarios.scenario import (
     Vector,
 )
 from touchstone.scenarios.solids import elliptic_hull, sphere_inertia
-
-Array = NDArray[np.float64]
 
 STATURE, MASS = 1.741, 73.0
 """Height [m] and mass [kg]."""

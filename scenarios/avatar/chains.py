@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.scenario import ORIGIN, Chain, Joint, ReachCone, Scenario
 
 Report = Callable[[str, str], None]
@@ -23,7 +23,7 @@ OPPOSITE = 1e-3
 """1 + cosine below which a cone's centre is opposite to the bone's rest [1]: the twist is undefined there."""
 
 
-def hinge_axes(hinges: tuple[Joint, ...]) -> NDArray[np.float64]:
+def hinge_axes(hinges: tuple[Joint, ...]) -> Array:
     """Axes of successive hinges at angles 0 as columns (3, n), in the frame of the first one's parent."""
     turned, axes = Rotation.identity(), []
     for hinge in hinges:
@@ -32,7 +32,7 @@ def hinge_axes(hinges: tuple[Joint, ...]) -> NDArray[np.float64]:
     return np.array(axes).T
 
 
-def ball_limits(cone: ReachCone, axes: NDArray[np.float64]) -> NDArray[np.float64]:
+def ball_limits(cone: ReachCone, axes: Array) -> Array:
     """Minimum and maximum angles (3, 2) [rad] of a ball joint's hinges over its reach cone, by sampling.
 
     Angles are on the branch of the centre, with the second angle between -pi/2 and pi/2.
@@ -56,7 +56,7 @@ def ball_limits(cone: ReachCone, axes: NDArray[np.float64]) -> NDArray[np.float6
     return np.stack((angles.min(axis=(0, 1)), angles.max(axis=(0, 1))), axis=1)
 
 
-def shortest_rotations(start: NDArray[np.float64], ends: NDArray[np.float64]) -> Rotation:
+def shortest_rotations(start: Array, ends: Array) -> Rotation:
     """Shortest rotations from a direction to others (n, 3)."""
     axes = np.cross(start, ends)
     size = np.linalg.norm(axes, axis=1)
@@ -131,7 +131,7 @@ def _check_cone(
         )
 
 
-def _star_shaped(center: NDArray[np.float64], corners: NDArray[np.float64]) -> bool:
+def _star_shaped(center: Array, corners: Array) -> bool:
     following = np.roll(corners, -1, axis=0)
     # Each corner lies to the left of the previous one, by less than half a turn; together they make one turn.
     left = np.cross(corners, following) @ center

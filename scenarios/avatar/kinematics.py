@@ -10,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.extents import extents
 from touchstone.scenarios.scenario import Joint, Piece, Quaternion, Scenario, Tracker
-
-Array = NDArray[np.float64]
 
 
 def matrix(orientation: Quaternion | Array) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.tracking import TrackerMotion, sample
 from touchstone.scenarios.scenario import Scenario, Tracker, vector
 
@@ -65,9 +66,7 @@ def noisy_tracker(tracker: Tracker, duration: float, rng: np.random.Generator) -
     )
 
 
-def _jittered(
-    shown: TrackerMotion, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _jittered(shown: TrackerMotion, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Positions, orientations and angles of samples, with jitter on all but the first."""
     moved, turns, bent = (
         size * rng.standard_normal(like.shape)

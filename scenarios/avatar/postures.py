@@ -11,15 +11,14 @@ from functools import cache
 from math import pi, radians
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.avatar import BEND, HIP_HEIGHT, SEGMENTS, SHOULDER, avatar_parts
 from touchstone.scenarios.avatar.chains import hinge_axes
 from touchstone.scenarios.avatar.tracking import keyframed
 from touchstone.scenarios.scenario import Joint, Tracker, Vector
 
-Array = NDArray[np.float64]
 Angles = Mapping[str, Array]
 
 FREQUENCY = 15.0

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.kinematics import piece_box
 from touchstone.scenarios.scenario import Body, Piece
-
-Array = NDArray[np.float64]
 
 
 def piece_moves(piece: Piece) -> bool:

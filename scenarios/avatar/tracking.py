@@ -13,15 +13,15 @@ from math import pi
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.scenario import IDENTITY, Interpolation, Tracker
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-9
 """Time after a keyframe that still counts as the keyframe's own [s]: rounding of steps."""
 SWING, LEAST_SWING = 0.1, 5e-3

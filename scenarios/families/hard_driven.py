@@ -7,8 +7,8 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.difficulty.checks import Case, Checks, Wall
@@ -26,7 +26,6 @@ from touchstone.scenarios.scenario import (
 )
 from touchstone.scenarios.solids import block, box_inertia, slab
 
-Array = NDArray[np.float64]
 HAND: Vector = (0.06, 0.04, 0.02)
 """Half extents of a driven box [m]."""
 MASS = 0.4

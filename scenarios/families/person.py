@@ -9,8 +9,8 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
 from touchstone.scenarios.avatar.postures import (
     CLEARANCE,
@@ -26,8 +26,6 @@ from touchstone.scenarios.avatar.tracking import ease, through
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.gallery import EAST, NORTH, gallery_scene
 from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector
-
-Array = NDArray[np.float64]
 
 DURATION, FRAME_RATE = 6.0, 60
 TIMES: Array = np.arange(round(DURATION * FRAME_RATE) + 1) / FRAME_RATE

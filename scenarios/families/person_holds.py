@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
 from touchstone.scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, person_tracker, reach
 from touchstone.scenarios.avatar.tracking import ease
@@ -14,8 +14,6 @@ from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.materials import TABLE_1
 from touchstone.scenarios.scenario import Scenario, Vector
 from touchstone.scenarios.solids import block, slab
-
-Array = NDArray[np.float64]
 
 FRAME_RATE = 60
 MASS = 1.0

@@ -6,9 +6,9 @@ from dataclasses import replace
 from math import asin, cos, pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.tracking import keyframed, sample
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import (
@@ -24,7 +24,6 @@ from touchstone.scenarios.solids import block
 from touchstone.scenarios.truths.force_truth import ForceTruth
 from touchstone.scenarios.truths.published import Published
 
-Array = NDArray[np.float64]
 TAGS = ("prescribed",)
 DECK = (1.0, 0.5, 0.05)
 """Half extents of the platform [m]."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.avatar import SHOULDER, avatar_parts
 from touchstone.scenarios.avatar.postures import LEFT, RIGHT, between, hanging, person_tracker, reach, step
 from touchstone.scenarios.avatar.tracking import ease
@@ -14,8 +14,6 @@ from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.gallery import gallery_scene
 from touchstone.scenarios.scenario import Expectation, Scenario, Tracker, Vector
 from touchstone.scenarios.solids import block
-
-Array = NDArray[np.float64]
 
 DURATION, FRAME_RATE = 4.0, 60
 LANE = 0.85

@@ -10,14 +10,13 @@ from math import cos, hypot, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.families.mechanisms import direction, mechanism
 from touchstone.scenarios.scenario import Body, BodyJoint, Capsule, Piece, Scenario, Vector, vector
 from touchstone.scenarios.truths.published import Published
 
-Array = NDArray[np.float64]
 SIZE, WEIGHT, SLOWED = 10.0, 100.0, 100.0
 """Factors on lengths, masses and times [1]."""
 SCHIEHLEN = (

@@ -6,8 +6,8 @@ from __future__ import annotations
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SHOULDER, avatar_parts
 from touchstone.scenarios.avatar.postures import CLEARANCE, LEFT, RIGHT, hanging, person_tracker, reach
 from touchstone.scenarios.avatar.tracking import through
@@ -15,8 +15,6 @@ from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.gallery import NORTH, gallery_scene
 from touchstone.scenarios.scenario import GRAVITY, Body, Expectation, Scenario, Tracker, Vector, vector
 from touchstone.scenarios.solids import ball
-
-Array = NDArray[np.float64]
 
 DURATION, FRAME_RATE = 2.2, 60
 PLACE = (5.0, NORTH - 0.58)

@@ -7,11 +7,11 @@ from math import cos, pi, sin
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios import solids
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.scenario import (
     IDENTITY,
     ORIGIN,
@@ -32,8 +32,6 @@ from touchstone.scenarios.scenario import (
     vector,
 )
 from touchstone.scenarios.solids import hull_mass_properties
-
-Array = NDArray[np.float64]
 
 MATERIAL = "wood"
 SHAPES = ("sphere", "box", "capsule", "ellipsoid", "hull", "coin")

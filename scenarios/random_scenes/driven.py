@@ -9,9 +9,9 @@ from math import log10, pi
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.avatar import avatar_parts
 from touchstone.scenarios.avatar.postures import person_tracker
 from touchstone.scenarios.avatar.tracking import ease, keyframed
@@ -52,8 +52,6 @@ from touchstone.scenarios.scenario import (
     vector,
 )
 from touchstone.scenarios.solids import block, slab
-
-Array = NDArray[np.float64]
 
 END = 1.25
 """Time of the last keyframe [s]: no random scene is longer."""

@@ -7,15 +7,13 @@ from math import pi
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.scenario import Body, Joint, Quaternion, Tracker
 from touchstone.scenarios.solids import block
-
-Array = NDArray[np.float64]
 
 HAND_MATERIAL = "human"
 HAND_REACH = 0.2

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.body_joints import ALONG_AXIS, BodyJoint
 from touchstone.scenarios.random_scenes.bodies import (
     MATERIAL,
     SHAPES,
-    Array,
     masses,
     random_direction,
     random_orientation,

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.scenario import (
@@ -31,7 +30,6 @@ from touchstone.scenarios.scenario import (
 from touchstone.scenarios.solids import ball, box_corners
 from touchstone.scenarios.transforms import Changes, each, mapped
 
-Array = NDArray[np.float64]
 FAR: Vector = (50.0, 50.0, 50.0)
 """Place of a body that nothing meets [m]."""
 AROUND = 1.0

@@ -6,14 +6,13 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.relations.changes import bare
 from touchstone.scenarios.scenario import Body, Box, Hull, Piece, Scenario, vector
 
-Array = NDArray[np.float64]
 SHARES = (0.3, 0.7)
 """Range of the share of its size at which a piece is cut [1]: both parts are ordinary."""
 COPLANAR = 1e-9

@@ -11,15 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.relations import changes
 from touchstone.scenarios.relations.decomposition import decomposed, is_divisible
 from touchstone.scenarios.scenario import Box, Scenario, Vector
 from touchstone.scenarios.transforms import mirrored, permuted, translated
 
-Array = NDArray[np.float64]
 YAW = Rotation.from_rotvec((0.0, 0.0, 0.7))
 TURN = Rotation.from_rotvec((0.4, -0.9, 1.3))
 """A rotation about the vertical, and one about an axis of no symmetry [rad]."""

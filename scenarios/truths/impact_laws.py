@@ -19,14 +19,13 @@ from functools import cache
 from itertools import combinations, product
 
 import numpy as np
-import numpy.typing as npt
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.scenario import Body, Box, Scenario, Sphere
 
-Array = npt.NDArray[np.float64]
 EQUAL = 1e-9
 """Gap of touching balls [m], and difference of equal speeds [m/s]."""
 MOST = 100_000

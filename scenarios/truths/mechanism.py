@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.integrate import OdeSolution, solve_ivp
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.kinematics import matrix
 from touchstone.scenarios.avatar.number_checks import Report
 from touchstone.scenarios.avatar.tracking import path, sample
@@ -50,7 +51,7 @@ from touchstone.scenarios.scenario import (
     Sphere,
     Tracker,
 )
-from touchstone.scenarios.truths.body_motion import Array, Motion
+from touchstone.scenarios.truths.body_motion import Motion
 
 RELATIVE_ERROR, ABSOLUTE_ERROR = 1e-12, 1e-14
 """Tolerances of the integration [1; m, m/s, rad/s]: a hundred times rounding, which a step accumulates."""

@@ -9,7 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from touchstone.scenarios.truths.body_motion import Array, Motion
+from touchstone.scenarios.arrays import Array
+from touchstone.scenarios.truths.body_motion import Motion
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]

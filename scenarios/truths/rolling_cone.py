@@ -22,9 +22,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.number_checks import Report
 from touchstone.scenarios.scenario import Body, Box, Cone, HalfSpace, Scenario
-from touchstone.scenarios.truths.body_motion import Array, Motion
+from touchstone.scenarios.truths.body_motion import Motion
 
 RELATIVE_ERROR, ABSOLUTE_ERROR = 1e-12, 1e-14
 """Tolerances of the integration [1; rad, rad/s]."""

@@ -25,6 +25,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.integrate import OdeSolution, solve_ivp
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.number_checks import Report
 from touchstone.scenarios.scenario import (
     Body,
@@ -38,7 +39,7 @@ from touchstone.scenarios.scenario import (
     Shape,
     Sphere,
 )
-from touchstone.scenarios.truths.body_motion import Array, Motion
+from touchstone.scenarios.truths.body_motion import Motion
 
 Mode = Literal["roll", "slide", "fly"]
 

@@ -15,9 +15,10 @@ from math import atan, hypot, pi, sqrt
 
 import numpy as np
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.number_checks import Report
 from touchstone.scenarios.scenario import ORIGIN, Body, BodyJoint, Scenario
-from touchstone.scenarios.truths.body_motion import Array, Motion
+from touchstone.scenarios.truths.body_motion import Motion
 
 
 def stick_slip(scenario: Scenario, body: Body, times: Array) -> Motion:
