@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import ORIGIN, PairCoefficients, Quaternion, Scenario, Vector
+from touchstone.scenarios.orientations import quaternion
+from touchstone.scenarios.scenario import ORIGIN, PairCoefficients, Scenario, Vector
 from touchstone.scenarios.solids import hull, slab
 
 RADIUS, HALF_THICKNESS = 0.05, 0.004
@@ -46,11 +47,11 @@ def _coin(name: str, case: Case) -> Scenario:
     corners: list[Vector] = [(x, y, z) for z in (-HALF_THICKNESS, HALF_THICKNESS) for x, y in rim]
     # Its axis is along x, except for the tilt.
     turn = Rotation.from_rotvec([0.0, pi / 2 + case.tilt, 0.0])
-    w, x, y, z = (float(value) for value in turn.as_quat(scalar_first=True))
-    orientation: Quaternion = (w, x, y, z)
     height = float(-turn.apply(corners)[:, 2].min())
     place = (0.0, 0.0, height)
-    body = hull("coin", "metal", corners, MASS, place, orientation, velocity=case.velocity, spin=case.spin)
+    body = hull(
+        "coin", "metal", corners, MASS, place, quaternion(turn), velocity=case.velocity, spin=case.spin
+    )
     return Scenario(
         name=name,
         summary=case.summary,

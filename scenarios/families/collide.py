@@ -101,6 +101,23 @@ def _outcome(bodies: tuple[Body, Body], case: Case) -> tuple[Truth, Truth]:
     return truths[0], truths[1]
 
 
+def struck_row(
+    count: int, radius: float, mass: float, gap: float
+) -> tuple[tuple[Body, ...], tuple[Truth, ...]]:
+    """Balls of which the first moves at 1 m/s over a gap [m] towards a row of touching ones, and their
+    motion if the last one takes all its speed."""
+    velocity, stops = (1.0, 0.0, 0.0), (-2 * radius, 0.0, 0.0)
+    first = ball("ball_1", "wood", radius, mass, (-2 * radius - gap, 0.0, 0.0), velocity)
+    row = [ball(f"ball_{k + 2}", "wood", radius, mass, (2 * radius * k, 0.0, 0.0)) for k in range(count - 1)]
+    last = row[-1]
+    paths = {
+        "ball_1": (Arc(0.0, first.position, velocity), Arc(gap, stops)),
+        **{body.name: (Arc(0.0, body.position),) for body in row[:-1]},
+        last.name: (Arc(0.0, last.position), Arc(gap, last.position, velocity)),
+    }
+    return (first, *row), tuple(Truth(name, "arcs", arcs) for name, arcs in paths.items())
+
+
 CRADLE_GAP = 0.187
 """Distance of the first ball from the row [m]: it also arrives within a step."""
 
@@ -114,23 +131,15 @@ MARIOTTE = (
 def cradle() -> Scenario:
     """Five touching balls, e = 1: impacts propagate one at a time, and the last ball takes all the
     momentum."""
-    row = [(2 * RADIUS * k, 0.0, 0.0) for k in range(4)]
-    balls = [ball(f"ball_{k + 2}", "wood", RADIUS, 1.0, place) for k, place in enumerate(row)]
-    first = ball("ball_1", "wood", RADIUS, 1.0, (-2 * RADIUS - CRADLE_GAP, 0.0, 0.0), (1.0, 0.0, 0.0))
-    stops, goes = (-2 * RADIUS, 0.0, 0.0), balls[-1].position
-    paths = {
-        "ball_1": (Arc(0.0, first.position, first.linear_velocity), Arc(CRADLE_GAP, stops)),
-        **{body.name: (Arc(0.0, body.position),) for body in balls[:-1]},
-        "ball_5": (Arc(0.0, goes), Arc(CRADLE_GAP, goes, first.linear_velocity)),
-    }
+    bodies, truths = struck_row(5, RADIUS, 1.0, CRADLE_GAP)
     return Scenario(
         name="cradle",
         summary="Newton's cradle: a ball hits a row of four",
         tags=("probe", "impact", "isolated", "conservative", "literature"),
-        bodies=(first, *balls),
+        bodies=bodies,
         coefficients=(PairCoefficients("wood", "wood", 1.0, 0.0),),
         duration=0.5,
         effects=("restitution", "friction"),
-        truths=tuple(Truth(name, "arcs", arcs) for name, arcs in paths.items()),
+        truths=truths,
         published=(Published("last ball", "ball_5", "velocity", 1.0, 0.01, MARIOTTE, 0.5, 0.5),),
     )

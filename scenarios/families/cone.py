@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.families.ellipsoid import quaternion
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth, vector
 from touchstone.scenarios.solids import cone, half_space
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import atan, pi, radians, sin
 from typing import Any
 
@@ -10,8 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.families.ellipsoid import on_floor, quaternion, steady_spin
-from touchstone.scenarios.families.stack import SETTLED
+from touchstone.scenarios.families.ellipsoid import on_floor, steady_spin
+from touchstone.scenarios.families.stack import MASS, weights
+from touchstone.scenarios.families.tower import at_rest
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import (
     GRAVITY,
     Arc,
@@ -22,9 +23,7 @@ from touchstone.scenarios.scenario import (
     vector,
 )
 from touchstone.scenarios.solids import cylinder, slab
-from touchstone.scenarios.truths.force_truth import ForceTruth
 
-MASS = 1.0
 LYING = Rotation.from_rotvec((-pi / 2, 0.0, 0.0))
 """Rotation that lays the axis of a cylinder along y."""
 ROLLER = (0.1, 0.15)
@@ -98,23 +97,20 @@ def cylinder_spins() -> Scenario:
 def cylinder_stack() -> Scenario:
     """Five cylinders on their caps, each off the one below: none moves; each bears those above it."""
     radius, half_length = DRUM
-    names = ("floor", *(f"drum_{k + 1}" for k in range(DRUMS)))
-    places = {
-        name: (0.004 * (-1.0) ** k, 0.003 * (-1.0) ** (k // 2), (2 * k + 1) * half_length)
-        for k, name in enumerate(names[1:])
-    }
+    places = [
+        (0.004 * (-1.0) ** k, 0.003 * (-1.0) ** (k // 2), (2 * k + 1) * half_length) for k in range(DRUMS)
+    ]
     bodies = [slab("floor", "wood")]
-    bodies += [cylinder(name, "wood", radius, half_length, MASS, place) for name, place in places.items()]
+    bodies += [
+        cylinder(f"drum_{k + 1}", "wood", radius, half_length, MASS, at) for k, at in enumerate(places)
+    ]
     return _scene(
         "cylinder_stack",
         "five cylinders on their caps stay where they are",
         bodies,
         0.5,
-        truths=tuple(Truth(name, "arcs", (Arc(0.0, place),)) for name, place in places.items()),
-        forces=tuple(
-            ForceTruth(below, above, SETTLED, 1.0, (DRUMS - k) * MASS * GRAVITY)
-            for k, (below, above) in enumerate(pairwise(names))
-        ),
+        truths=at_rest(bodies[1:]),
+        forces=weights(bodies),
     )
 
 

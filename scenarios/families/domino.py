@@ -40,7 +40,7 @@ def _wave(gap: float, speed: float) -> Scenario:
         name=f"domino_wave_{gap / (2 * HALF[2]):.0%}".removesuffix("%"),
         summary=f"a wave runs through dominoes that are {gap * 100:g} cm apart",
         tags=("impact", "collective", "literature"),
-        bodies=(slab("floor", "wood"), *_row(LAST + 1, pitch)),
+        bodies=(slab("floor", "wood"), *row_of(LAST + 1, pitch)),
         coefficients=(PairCoefficients("wood", "wood", 0.0, 0.4),),
         duration=1.3,
         published=(
@@ -59,7 +59,8 @@ def _wave(gap: float, speed: float) -> Scenario:
     )
 
 
-def _row(count: int, pitch: float) -> tuple[Body, ...]:
+def row_of(count: int, pitch: float) -> tuple[Body, ...]:
+    """Dominoes that stand at a pitch along y [m], the first of which falls towards the others."""
     _, y, z = HALF
     # It rotates about its front edge: v = w x r.
     push = (IDENTITY, (0.0, RATE * z, RATE * y), (-RATE, 0.0, 0.0))
@@ -72,7 +73,7 @@ def _row(count: int, pitch: float) -> tuple[Body, ...]:
 @scene
 def dominoes() -> Scenario:
     """The first domino is pushed over; the mirror plane is x = 0."""
-    row = _row(COUNT, SPACING)
+    row = row_of(COUNT, SPACING)
     last, one_before = row[-1].name, row[-2].name
     return Scenario(
         name="dominoes",

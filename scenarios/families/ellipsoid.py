@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import Body, PairCoefficients, Quaternion, Scenario, Truth, Vector, vector
+from touchstone.scenarios.orientations import quaternion
+from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario, Truth, Vector, vector
 from touchstone.scenarios.solids import ellipsoid, slab
 
 MASS = 1.0
@@ -49,12 +50,6 @@ def on_floor(
         duration=duration,
         truths=(Truth(body.name, "smooth_contact"),),
     )
-
-
-def quaternion(turn: Rotation) -> Quaternion:
-    """A rotation as wxyz."""
-    w, x, y, z = turn.as_quat(scalar_first=True).tolist()
-    return (w, x, y, z)
 
 
 def contact_arm(half_axes: Vector, turn: Rotation) -> np.ndarray:

@@ -14,6 +14,7 @@ from math import cos, radians, sin
 import numpy as np
 
 from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.orientations import slope
 from touchstone.scenarios.scenario import (
     GRAVITY,
     Arc,
@@ -22,7 +23,6 @@ from touchstone.scenarios.scenario import (
     Box,
     PairCoefficients,
     Piece,
-    Quaternion,
     Scenario,
     Truth,
     vector,
@@ -104,7 +104,7 @@ def spins_to_rest() -> Scenario:
 def slope_of_balls() -> Scenario:
     """Balls of three materials on a slope: one that rolling friction holds, and two that roll down."""
     lengths = {"held": 0.01, "slow": 0.005, "free": 0.0}
-    turn, downhill, up = _slope(SLOPE)
+    turn, downhill, up = slope(radians(SLOPE))
     bodies, truths, pairs = [], [], []
     for k, (name, length) in enumerate(lengths.items()):
         start = vector(RADIUS * up + (0.0, LANE * k, 0.0))
@@ -133,9 +133,9 @@ def slope_of_balls() -> Scenario:
 def slope_of_blocks() -> Scenario:
     """Blocks on a slope of 24 degrees with mu = 0.3: two with 0.5 of static friction hold, one of them
     where its way up ends; two with 0.4 slide."""
-    slope, mu = 24.0, 0.3
-    turn, downhill, up = _slope(slope)
-    pull, load = GRAVITY * sin(radians(slope)), GRAVITY * cos(radians(slope))
+    degrees, mu = 24.0, 0.3
+    turn, downhill, up = slope(radians(degrees))
+    pull, load = GRAVITY * sin(radians(degrees)), GRAVITY * cos(radians(degrees))
     bodies, truths = [], []
     for k, (name, static, speed) in enumerate(
         (("holds", 0.5, 0.0), ("starts", 0.4, 0.0), ("stops", 0.5, 2.0), ("returns", 0.4, 2.0))
@@ -162,7 +162,7 @@ def slope_of_blocks() -> Scenario:
     pairs += [PairCoefficients(a, b, 0.0, mu) for a in kinds for b in kinds if a <= b]
     return Scenario(
         name="slope_of_blocks",
-        summary=f"blocks hold, start, stop and return on a slope of {slope:g} degrees by static friction",
+        summary=f"blocks hold, start, stop and return on a slope of {degrees:g} degrees by static friction",
         tags=TAGS,
         bodies=(slab("slope", "slope", vector(up), turn), *bodies),
         coefficients=tuple(pairs),
@@ -204,10 +204,3 @@ def stick_slip() -> Scenario:
         ),
         truths=(Truth("block", "stick_slip"),),
     )
-
-
-def _slope(degrees: float) -> tuple[Quaternion, np.ndarray, np.ndarray]:
-    """Orientation of a slope that falls along x, its direction downhill and its normal."""
-    a = radians(degrees)
-    turn: Quaternion = (cos(a / 2), 0.0, sin(a / 2), 0.0)
-    return turn, np.array((cos(a), 0.0, -sin(a))), np.array((sin(a), 0.0, cos(a)))

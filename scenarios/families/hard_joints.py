@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import sqrt
-from typing import Literal
 
 from touchstone.scenarios.difficulty.checks import Case, Checks
 from touchstone.scenarios.difficulty.family import family
-from touchstone.scenarios.families.mechanisms import ACROSS, SMOOTH, rod
-from touchstone.scenarios.scenario import Arc, Body, BodyJoint, Truth, Vector
+from touchstone.scenarios.families.mechanisms import ACROSS, SMOOTH, chain
+from touchstone.scenarios.families.tower import at_rest
+from touchstone.scenarios.scenario import BodyJoint
 from touchstone.scenarios.solids import ball, block, slab
 
 LINK = 0.1
@@ -23,21 +22,10 @@ LEAN = 0.03
 """Distance of a trunk's centre of mass from above its ankle [m]."""
 
 
-def _chain(places: list[Vector], kind: Literal["hinge", "ball"]) -> tuple[list[Body], list[BodyJoint]]:
-    """Rods of 1 kg between places, and their joints; the first is held by the world."""
-    links = [rod(f"link_{k + 1}", *ends, radius=LINK / 10) for k, ends in enumerate(pairwise(places))]
-    names = ["", *(link.name for link in links)]
-    joints = [
-        BodyJoint(f"joint_{k + 1}", kind, *pair, place, ACROSS)
-        for k, (pair, place) in enumerate(zip(pairwise(names), places))
-    ]
-    return links, joints
-
-
 @family("mass ratio", "1", RATIOS)
 def joint_ratio(level: float) -> Case:
     """Ten links hang from one place and hold a heavy ball: nothing moves."""
-    links, joints = _chain([(0.0, 0.0, -LINK * k) for k in range(LINKS + 1)], "ball")
+    links, joints = chain([(0.0, 0.0, -LINK * k) for k in range(LINKS + 1)], "ball", LINK / 10)
     load = ball("load", "steel", LOAD, level, (0.0, 0.0, -LINK * LINKS - LOAD))
     joints.append(BodyJoint("hook", "ball", links[-1].name, "load", (0.0, 0.0, -LINK * LINKS)))
     bodies = (*links, load)
@@ -46,7 +34,7 @@ def joint_ratio(level: float) -> Case:
         bodies,
         Checks(rest_from=1.0),
         duration=2.0,
-        truths=tuple(Truth(body.name, "arcs", (Arc(0.0, body.position),)) for body in bodies),
+        truths=at_rest(bodies),
         fields={"body_joints": tuple(joints), "coefficients": SMOOTH},
     )
 
@@ -56,7 +44,7 @@ def joint_links(level: float) -> Case:
     """A chain of links falls from the horizontal over a floor and swings about its hinges: it keeps its
     energy."""
     places = [(LINK * k, 0.0, LINK * level + 1.0) for k in range(int(level) + 1)]
-    links, joints = _chain(places, "hinge")
+    links, joints = chain(places, "hinge", LINK / 10)
     return Case(
         f"a chain of {level:g} links swings down from the horizontal",
         (slab("floor", "steel"), *links),

@@ -10,6 +10,7 @@ import numpy as np
 from touchstone.scenarios.avatar.tracking import ease, keyframed
 from touchstone.scenarios.difficulty.checks import Case, Checks
 from touchstone.scenarios.difficulty.family import family
+from touchstone.scenarios.families.tower import at_rest, stacked
 from touchstone.scenarios.scenario import (
     Arc,
     Body,
@@ -22,7 +23,7 @@ from touchstone.scenarios.scenario import (
 from touchstone.scenarios.solids import ball, block, box_inertia, slab
 
 HALF = 0.05
-"""Half an edge of a cube, and radius of a ball [m]."""
+"""Radius of a ball [m]."""
 RATIOS = (1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6)
 LAYERS = 6
 """Number of cubes of an alternating stack."""
@@ -34,19 +35,21 @@ LINK: Vector = (0.02, 0.02, 0.1)
 """Half extents of a link [m]."""
 
 
-def resting(masses: list[float], summary: str, duration: float = 1.0) -> Case:
-    """Stacked cubes of these masses [kg] from the bottom up, in exact contact: none moves."""
-    cubes = tuple(
-        block(f"box_{k + 1}", "wood", (HALF,) * 3, mass, (0.0, 0.0, (2 * k + 1) * HALF))
-        for k, mass in enumerate(masses)
-    )
+def standing(summary: str, bodies: tuple[Body, ...], friction: float = 0.5, duration: float = 1.0) -> Case:
+    """Bodies on a floor that do not move."""
     return Case(
         summary,
-        (slab("floor", "wood"), *cubes),
+        (slab("floor", "wood"), *bodies),
         Checks(rest_from=0.5 * duration),
         duration=duration,
-        truths=tuple(Truth(body.name, "arcs", (Arc(0.0, body.position),)) for body in cubes),
+        friction=friction,
+        truths=at_rest(bodies),
     )
+
+
+def resting(masses: list[float], summary: str, duration: float = 1.0) -> Case:
+    """Stacked cubes of these masses [kg] from the bottom up, in exact contact: none moves."""
+    return standing(summary, stacked(masses), duration=duration)
 
 
 @family("mass ratio", "1", RATIOS)

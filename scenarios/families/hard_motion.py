@@ -6,6 +6,7 @@ from math import cos, pi, sin, sqrt
 
 from touchstone.scenarios.difficulty.checks import Case, Checks, Wall
 from touchstone.scenarios.difficulty.family import family
+from touchstone.scenarios.orientations import about_y
 from touchstone.scenarios.scenario import GRAVITY, Arc, Body, Quaternion, Truth, Vector
 from touchstone.scenarios.solids import ball, block, hull, slab
 
@@ -101,7 +102,7 @@ def euler_disc(level: float) -> Case:
     radius, half = 0.05, 0.002
     rate = sqrt(4 * GRAVITY / (radius * sin(level)))
     # The disc's axis is tilted towards +x, and so its lowest point is at +x.
-    turn: Quaternion = (cos(level / 2), 0.0, sin(level / 2), 0.0)
+    turn = about_y(level)
     # Steady rolling with a centre at rest: the angular velocity is along the diameter through the contact.
     spin = (rate * sin(level) * cos(level), 0.0, -rate * sin(level) * sin(level))
     height = radius * sin(level) + half * cos(level)

@@ -8,6 +8,7 @@ from math import acos, cos, pi, radians, sin, sqrt
 from touchstone.scenarios.difficulty.checks import Case, Checks, Wall
 from touchstone.scenarios.difficulty.family import family
 from touchstone.scenarios.families.hard_mass import resting
+from touchstone.scenarios.orientations import about_y
 from touchstone.scenarios.scenario import Arc, Body, Quaternion, Truth, Vector, vector
 from touchstone.scenarios.solids import ball, block, slab
 
@@ -22,9 +23,8 @@ def wedge(level: float) -> Case:
     for name, sign in (("left", 1.0), ("right", -1.0)):
         tilt = sign * (pi / 2 - half)
         normal = (sign * cos(half), 0.0, sin(half))
-        turn: Quaternion = (cos(tilt / 2), 0.0, sin(tilt / 2), 0.0)
         place = vector(-(RADIUS + 0.5) * value for value in normal)
-        walls.append(block(name, "wood", (10.0, 10.0, 0.5), 0.0, place, turn, kind="fixed"))
+        walls.append(block(name, "wood", (10.0, 10.0, 0.5), 0.0, place, about_y(tilt), kind="fixed"))
     return Case(
         f"a ball rests in a groove of {level:g} degrees",
         (*walls, ball("ball", "wood", RADIUS, 1.0)),
@@ -39,11 +39,10 @@ def needle(level: float) -> Case:
     """A thin rod falls on one end and comes to lie."""
     half = (0.25, 0.25 / level, 0.25 / level)
     slope = 0.5
-    turn: Quaternion = (cos(slope / 2), 0.0, sin(slope / 2), 0.0)
     height = half[0] * sin(slope) + half[2] * cos(slope) + 0.05
     return Case(
         f"a rod {level:g} times as long as wide falls on its end",
-        (slab("floor", "wood"), block("rod", "wood", half, 0.2, (0.0, 0.0, height), turn)),
+        (slab("floor", "wood"), block("rod", "wood", half, 0.2, (0.0, 0.0, height), about_y(slope))),
         Checks(walls=(Wall((0.0, 0.0, 0.0)),), overlap=2e-3),
         duration=1.5,
     )

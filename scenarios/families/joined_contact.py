@@ -10,7 +10,6 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.families.ellipsoid import quaternion
 from touchstone.scenarios.families.literature import even
 from touchstone.scenarios.families.mechanisms import (
     ACROSS,
@@ -19,6 +18,7 @@ from touchstone.scenarios.families.mechanisms import (
     mechanism,
     pendulum_length,
 )
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import (
     GRAVITY,
     ORIGIN,

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.families.ellipsoid import contact_arm, quaternion
+from touchstone.scenarios.families.ellipsoid import contact_arm
+from touchstone.scenarios.orientations import about_y, quaternion
 from touchstone.scenarios.scenario import (
     GRAVITY,
     Arc,
@@ -99,8 +100,7 @@ def _ramps(mu: float) -> Scenario:
 
 def _ramp(lane: int, angle: float) -> tuple[Body, Quaternion, np.ndarray, np.ndarray]:
     """A ramp whose upper face passes through (0, lane, 0), its orientation, and its directions."""
-    half = radians(angle) / 2
-    turn: Quaternion = (cos(half), 0.0, sin(half), 0.0)
+    turn = about_y(radians(angle))
     along, _, up = Rotation.from_quat(turn, scalar_first=True).as_matrix().T
     place = vector(lane * np.array((0.0, 1.0, 0.0)) - RAMP[2] * up)
     return block(f"ramp_{angle}", "wood", RAMP, 0.0, place, turn, kind="fixed"), turn, along, up

@@ -11,7 +11,8 @@ from itertools import pairwise
 from math import cos, pi, sin
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import Arc, Body, Expectation, PairCoefficients, Scenario, Truth, Vector
+from touchstone.scenarios.families.tower import at_rest
+from touchstone.scenarios.scenario import Body, Expectation, PairCoefficients, Scenario, Vector
 from touchstone.scenarios.solids import block, hull, hull_mass_properties, slab
 
 HALF = 0.05
@@ -57,29 +58,45 @@ ARCHES: dict[str, Arch] = {
 @scene
 def pyramid() -> Scenario:
     """36 cubes, each on two of the row below, for BRIEF."""
-    places: dict[str, Vector] = {}
-    for row in range(BASE):
-        for k in range(BASE - row):
-            place = (SPACING * (k - (BASE - row - 1) / 2), 0.0, (2 * row + 1) * HALF)
-            places[f"box_{row + 1}_{k + 1}"] = place
-    cubes = tuple(block(name, "wood", (HALF,) * 3, 1.0, place) for name, place in places.items())
+    cubes = pyramid_of(BASE)
     return _standing("pyramid", f"a pyramid of {len(cubes)} cubes stands", cubes, 0.5, BRIEF)
+
+
+def pyramid_of(rows: int) -> tuple[Body, ...]:
+    """Cubes of a pyramid of some rows, each on two of the row below."""
+    return tuple(
+        block(
+            f"box_{row + 1}_{k + 1}",
+            "wood",
+            (HALF,) * 3,
+            1.0,
+            (SPACING * (k - (rows - row - 1) / 2), 0.0, (2 * row + 1) * HALF),
+        )
+        for row in range(rows)
+        for k in range(rows - row)
+    )
 
 
 @scene
 def wall() -> Scenario:
     """Bricks in six courses that bond, in exact contact below, above and beside."""
+    bricks = wall_of(COURSES, BRICKS)
+    return _standing("brick_wall", f"a wall of {len(bricks)} bricks stands", bricks, 0.5, BRIEF)
+
+
+def wall_of(courses: int, across: int) -> tuple[Body, ...]:
+    """Bricks of a wall of some courses, with so many `across` in the lowest."""
     x, y, z = BRICK
     bricks: list[Body] = []
-    for course in range(COURSES):
-        edges = [2 * x * k for k in range(BRICKS + 1)]
+    for course in range(courses):
+        edges = [2 * x * k for k in range(across + 1)]
         if course % 2:
-            edges = [0.0, *(x + 2 * x * k for k in range(BRICKS)), 2 * x * BRICKS]
+            edges = [0.0, *(x + 2 * x * k for k in range(across)), 2 * x * across]
         for k, (left, right) in enumerate(pairwise(edges)):
             name, half = f"brick_{course + 1}_{k + 1}", (right - left) / 2
-            place = ((left + right) / 2 - x * BRICKS, 0.0, (2 * course + 1) * z)
+            place = ((left + right) / 2 - x * across, 0.0, (2 * course + 1) * z)
             bricks.append(block(name, "wood", (half, y, z), 2.0 * half / x, place))
-    return _standing("brick_wall", f"a wall of {len(bricks)} bricks stands", tuple(bricks), 0.5, BRIEF)
+    return tuple(bricks)
 
 
 @scene
@@ -89,7 +106,7 @@ def arches() -> tuple[Scenario, ...]:
 
 
 def _arch(name: str, arch: Arch) -> Scenario:
-    stones = tuple(_stone(k, arch.thickness) for k in range(STONES))
+    stones = arch_of(STONES, arch.thickness)
     if arch.stands:
         return _standing(name, arch.summary, stones, arch.friction)
     keystone = stones[STONES // 2].name
@@ -104,12 +121,17 @@ def _arch(name: str, arch: Arch) -> Scenario:
     )
 
 
-def _stone(k: int, thickness: float) -> Body:
-    """Voussoir that starts at the angle pi k / STONES: its corners lie on two arcs, its origin is the centre
+def arch_of(count: int, thickness: float) -> tuple[Body, ...]:
+    """Voussoirs of a semicircle whose thickness is relative to its mean radius."""
+    return tuple(_stone(k, count, thickness) for k in range(count))
+
+
+def _stone(k: int, count: int, thickness: float) -> Body:
+    """Voussoir that starts at the angle pi k / count: its corners lie on two arcs, its origin is the centre
     of mass."""
     inner, outer = RADIUS * (1 - thickness / 2), RADIUS * (1 + thickness / 2)
     corners: list[Vector] = [
-        (-r * cos(pi * j / STONES), y, r * sin(pi * j / STONES) if 0 < j < STONES else 0.0)
+        (-r * cos(pi * j / count), y, r * sin(pi * j / count) if 0 < j < count else 0.0)
         for j in (k, k + 1)
         for r in (inner, outer)
         for y in (-DEPTH, DEPTH)
@@ -128,5 +150,5 @@ def _standing(
         bodies=(slab("floor", "wood"), *bodies),
         coefficients=(PairCoefficients("wood", "wood", 0.0, mu),),
         duration=duration,
-        truths=tuple(Truth(body.name, "arcs", (Arc(0.0, body.position),)) for body in bodies),
+        truths=at_rest(bodies),
     )

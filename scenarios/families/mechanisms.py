@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import atan, cos, hypot, pi, radians, sin, sqrt
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,7 +17,8 @@ from scipy.special import ellipk
 
 from touchstone.scenarios.body_joints import mass_center
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.families.ellipsoid import quaternion
+from touchstone.scenarios.families.tower import at_rest
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import (
     GRAVITY,
     Arc,
@@ -130,7 +131,8 @@ def pendulums() -> Scenario:
 def double_pendulum() -> Scenario:
     """Two rods released from the horizontal and 60 degrees above; errors grow about tenfold in 0.5 s."""
     places = ((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5 + 0.5 * cos(pi / 3), 0.0, 0.5 * sin(pi / 3)))
-    return _chain("double_pendulum", "a double pendulum of two rods", places, "hinge", 2.0)
+    summary = "a double pendulum of two rods"
+    return mechanism("double_pendulum", summary, *chain(places, "hinge"), 2.0, ("conservative",))
 
 
 GEAR = -2.0
@@ -158,19 +160,22 @@ def chain_swings() -> Scenario:
     for k in range(4):
         tilt = Rotation.from_rotvec((0.0, 0.0, k * pi / 2)) * Rotation.from_rotvec((0.0, radians(30.0), 0.0))
         places.append(places[-1] - 0.3 * tilt.apply((0.0, 0.0, 1.0)))
-    return _chain(
-        "chain_swings", "a chain of four rods swings from one end", tuple(map(vector, places)), "ball", 2.0
-    )
+    links, joints = chain(tuple(map(vector, places)), "ball")
+    summary = "a chain of four rods swings from one end"
+    return mechanism("chain_swings", summary, links, joints, 2.0, ("conservative",))
 
 
-def _chain(name: str, summary: str, places: Sequence[Vector], kind: Any, duration: float) -> Scenario:
-    links = [rod(f"link_{k + 1}", *ends) for k, ends in enumerate(pairwise(places))]
+def chain(
+    places: Sequence[Vector], kind: Literal["hinge", "ball"], radius: float = THICK
+) -> tuple[list[Body], list[BodyJoint]]:
+    """Rods of 1 kg between places, and their joints; the first is held by the world."""
+    links = [rod(f"link_{k + 1}", *ends, radius=radius) for k, ends in enumerate(pairwise(places))]
     names = ["", *(link.name for link in links)]
     joints = [
         BodyJoint(f"joint_{k + 1}", kind, names[k], link.name, places[k], ACROSS)
         for k, link in enumerate(links)
     ]
-    return mechanism(name, summary, links, joints, duration, ("conservative",))
+    return links, joints
 
 
 LINKS, LINK = 10, 0.2
@@ -213,8 +218,7 @@ def _at_rest(name: str, summary: str, places: list[Vector], anchors: int, last: 
         BodyJoint(f"joint_{k + 1}", "ball", *(pair if pair[1] else pair[::-1]), place)
         for k, (pair, place) in enumerate(zip(pairwise(names), places))
     ]
-    truths = tuple(Truth(link.name, "arcs", (Arc(0.0, link.position),)) for link in links)
-    return mechanism(name, summary, links, joints, 4.0, truths=truths)
+    return mechanism(name, summary, links, joints, 4.0, truths=at_rest(links))
 
 
 @scene

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.orientations import about_y
 from touchstone.scenarios.scenario import (
     GRAVITY,
     PairCoefficients,
-    Quaternion,
     Scenario,
     Truth,
     Vector,
@@ -38,7 +38,7 @@ MCGEER = (
 @scene
 def prism_rolls() -> Scenario:
     """It starts on one side, about to tip; every edge that lands takes the same share of its rate."""
-    turn: Quaternion = (cos(SLOPE / 2), 0.0, sin(SLOPE / 2), 0.0)
+    turn = about_y(SLOPE)
     angles = 2 * pi * (np.arange(SIDES) + 0.5) / SIDES
     corners: list[Vector] = [
         (RADIUS * sin(a), y, -RADIUS * cos(a)) for y in (-HALF_WIDTH, HALF_WIDTH) for a in angles

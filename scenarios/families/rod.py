@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from math import cos, sin
 
 from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.orientations import about_y
 from touchstone.scenarios.scenario import PairCoefficients, Scenario, Vector
 from touchstone.scenarios.solids import block, slab
 from touchstone.scenarios.truths.impact_laws import outcomes
@@ -53,7 +54,7 @@ def rods() -> tuple[Scenario, ...]:
 
 def _rod(name: str, case: Case) -> Scenario:
     height = CLEARANCE + HALF[0] * sin(case.slope) + HALF[2] * cos(case.slope)
-    turn = (cos(case.slope / 2), 0.0, sin(case.slope / 2), 0.0)
+    turn = about_y(case.slope)
     plain = Scenario(
         name=name,
         summary=f"the end of a rod hits the floor, e = {case.restitution:g}, mu = {case.friction:g}",

@@ -7,12 +7,12 @@ from math import atan, cos, degrees, pi, radians, sin
 import numpy as np
 
 from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.orientations import slope
 from touchstone.scenarios.scenario import (
     GRAVITY,
     Arc,
     Body,
     PairCoefficients,
-    Quaternion,
     Scenario,
     Truth,
     Vector,
@@ -114,17 +114,16 @@ def inclines() -> tuple[Scenario, Scenario]:
     return _incline("incline_holds", 26.0), _incline("incline_slides", 27.0)
 
 
-def _incline(name: str, slope: float) -> Scenario:
-    angle = slope * pi / 180
-    turn: Quaternion = (cos(angle / 2), 0.0, sin(angle / 2), 0.0)
-    downhill, up = np.array([cos(angle), 0.0, -sin(angle)]), np.array([sin(angle), 0.0, cos(angle)])
+def _incline(name: str, steepness: float) -> Scenario:
+    angle = steepness * pi / 180
+    turn, downhill, up = slope(angle)
     pull = max(0.0, GRAVITY * (sin(angle) - MU * cos(angle)))
     start = vector(HALF * up)
     cube: Body = block("box", "wood", (HALF, HALF, HALF), 1.0, start, turn)
     does = "slides" if pull else "holds"
     return Scenario(
         name=name,
-        summary=f"a cube {does} on a slope of {slope:g} degrees; friction angle {FRICTION_ANGLE:.4g}",
+        summary=f"a cube {does} on a slope of {steepness:g} degrees; friction angle {FRICTION_ANGLE:.4g}",
         tags=("probe",),
         bodies=(slab("slope", "wood", vector(up), turn), cube),
         coefficients=(PairCoefficients("wood", "wood", 0.0, MU),),

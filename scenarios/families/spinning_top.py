@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.families.ellipsoid import on_floor, quaternion
+from touchstone.scenarios.families.ellipsoid import on_floor
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import (
     Body,
     Box,

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth
-from touchstone.scenarios.solids import block, slab
+from touchstone.scenarios.families.tower import at_rest, stacked
+from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Scenario
+from touchstone.scenarios.solids import slab
 from touchstone.scenarios.truths.force_truth import ForceTruth
 
-HALF = 0.05
 BOXES = 5
 MASS = 1.0
 """Mass of a box [kg]."""
@@ -20,21 +21,22 @@ SETTLED = 0.5
 @scene
 def stack() -> Scenario:
     """Five equal cubes in exact contact for one second: none moves or sinks in; each bears those above it."""
-    names = ("floor", *(f"box_{k + 1}" for k in range(BOXES)))
-    places = {f"box_{k + 1}": (0.0, 0.0, (2 * k + 1) * HALF) for k in range(BOXES)}
+    bodies = (slab("floor", "wood"), *stacked([MASS] * BOXES))
     return Scenario(
         name="stack",
         summary="five boxes on each other stay where they are",
         tags=("probe",),
-        bodies=(
-            slab("floor", "wood"),
-            *(block(name, "wood", (HALF,) * 3, MASS, place) for name, place in places.items()),
-        ),
+        bodies=bodies,
         coefficients=(PairCoefficients("wood", "wood", 0.0, 0.5),),
         duration=1.0,
-        truths=tuple(Truth(name, "arcs", (Arc(0.0, place),)) for name, place in places.items()),
-        forces=tuple(
-            ForceTruth(below, above, SETTLED, 1.0, (BOXES - k) * MASS * GRAVITY)
-            for k, (below, above) in enumerate(pairwise(names))
-        ),
+        truths=at_rest(bodies[1:]),
+        forces=weights(bodies),
+    )
+
+
+def weights(bodies: Sequence[Body]) -> tuple[ForceTruth, ...]:
+    """What bodies of MASS bear that stand on each other for 1 s, from the ground up."""
+    return tuple(
+        ForceTruth(below.name, above.name, SETTLED, 1.0, (len(bodies) - 1 - k) * MASS * GRAVITY)
+        for k, (below, above) in enumerate(pairwise(bodies))
     )

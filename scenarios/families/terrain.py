@@ -12,6 +12,7 @@ from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.families.roll import rolling
 from touchstone.scenarios.families.slide import HEADINGS, sliding
 from touchstone.scenarios.height_field import HeightField
+from touchstone.scenarios.orientations import slope
 from touchstone.scenarios.scenario import (
     GRAVITY,
     IDENTITY,
@@ -129,7 +130,7 @@ def _field(name: str, heights: np.ndarray, center: Vector) -> Body:
 def field_slope() -> Scenario:
     """A ball rolls straight down a field that is an inclined plane: a = 5/7 g sin."""
     angle = atan(SLOPE)
-    along, up = np.array([cos(angle), 0.0, -sin(angle)]), np.array([sin(angle), 0.0, cos(angle)])
+    _, along, up = slope(angle)
     x = (np.arange(POINTS[0]) - (POINTS[0] - 1) / 2) * SPACING[0]
     heights = np.repeat(-SLOPE * x[:, None], POINTS[1], axis=1) + 0.6
     start = vector(-1.5 * along + RADIUS * up + (0.0, 0.04, 0.6))

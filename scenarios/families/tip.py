@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, radians, sin
-
-import numpy as np
+from math import radians
 
 from touchstone.scenarios.catalogue import scene
+from touchstone.scenarios.orientations import slope
 from touchstone.scenarios.scenario import (
     Arc,
     Body,
     Expectation,
     PairCoefficients,
-    Quaternion,
     Scenario,
     Truth,
     Vector,
@@ -53,9 +51,7 @@ def tips() -> tuple[Scenario, ...]:
 
 
 def _tip(name: str, case: Case) -> Scenario:
-    angle = radians(case.slope)
-    turn: Quaternion = (cos(angle / 2), 0.0, sin(angle / 2), 0.0)
-    downhill, up = np.array([cos(angle), 0.0, -sin(angle)]), np.array([sin(angle), 0.0, cos(angle)])
+    turn, downhill, up = slope(radians(case.slope))
     start = vector(case.half[2] * up)
     bodies: list[Body] = [
         slab("slope", "wood", vector(up), turn),

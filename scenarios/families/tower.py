@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 
+from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.catalogue import scene
-from touchstone.scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector
+from touchstone.scenarios.scenario import Arc, Body, PairCoefficients, Scenario, Truth
 from touchstone.scenarios.solids import block, slab
 
 HALF = 0.05
@@ -22,7 +25,7 @@ LOADS = {"load_1e4": 1e4, "load_1e6": 1e6}
 def towers() -> tuple[Scenario, ...]:
     """Stacked cubes in exact contact for one second: none moves."""
     return tuple(
-        _resting(f"tower_{count}", f"a tower of {count} cubes stands", [1.0] * count, np.zeros((count, 2)))
+        _standing(f"tower_{count}", f"a tower of {count} cubes stands", stacked([1.0] * count))
         for count in HEIGHTS
     )
 
@@ -31,32 +34,40 @@ def towers() -> tuple[Scenario, ...]:
 def jittered_tower() -> Scenario:
     """Twenty cubes with seeded offsets from the axis."""
     offsets = np.random.default_rng(0).uniform(-JITTER, JITTER, (20, 2))
-    return _resting("tower_20_jittered", "a tower of 20 cubes out of line stands", [1.0] * 20, offsets)
+    cubes = stacked([1.0] * 20, offsets)
+    return _standing("tower_20_jittered", "a tower of 20 cubes out of line stands", cubes)
 
 
 @scene
 def loads() -> tuple[Scenario, ...]:
     """A heavy cube on one of 1 kg."""
     return tuple(
-        _resting(name, f"a cube of {mass:g} kg rests on one of 1 kg", [1.0, mass], np.zeros((2, 2)))
+        _standing(name, f"a cube of {mass:g} kg rests on one of 1 kg", stacked([1.0, mass]))
         for name, mass in LOADS.items()
     )
 
 
-def _resting(name: str, summary: str, masses: list[float], offsets: np.ndarray) -> Scenario:
-    """Stacked cubes from the bottom up, with their masses [kg] and offsets (n, 2) [m]."""
-    places: dict[str, Vector] = {
-        f"box_{k + 1}": (float(x), float(y), (2 * k + 1) * HALF) for k, (x, y) in enumerate(offsets)
-    }
+def stacked(masses: Sequence[float], offsets: Array | None = None) -> tuple[Body, ...]:
+    """Cubes of these masses [kg] from the bottom up in exact contact, with offsets (n, 2) [m] if any."""
+    offsets = np.zeros((len(masses), 2)) if offsets is None else offsets
+    return tuple(
+        block(f"box_{k + 1}", "wood", (HALF,) * 3, mass, (float(x), float(y), (2 * k + 1) * HALF))
+        for k, (mass, (x, y)) in enumerate(zip(masses, offsets))
+    )
+
+
+def at_rest(bodies: Iterable[Body]) -> tuple[Truth, ...]:
+    """Truths of bodies that do not move."""
+    return tuple(Truth(body.name, "arcs", (Arc(0.0, body.position),)) for body in bodies)
+
+
+def _standing(name: str, summary: str, cubes: tuple[Body, ...]) -> Scenario:
     return Scenario(
         name=name,
         summary=summary,
         tags=("probe",),
-        bodies=(
-            slab("floor", "wood"),
-            *(block(box, "wood", (HALF,) * 3, m, at) for (box, at), m in zip(places.items(), masses)),
-        ),
+        bodies=(slab("floor", "wood"), *cubes),
         coefficients=(PairCoefficients("wood", "wood", 0.0, 0.5),),
         duration=1.0,
-        truths=tuple(Truth(box, "arcs", (Arc(0.0, at),)) for box, at in places.items()),
+        truths=at_rest(cubes),
     )

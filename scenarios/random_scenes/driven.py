@@ -15,6 +15,7 @@ from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.avatar import avatar_parts
 from touchstone.scenarios.avatar.postures import person_tracker
 from touchstone.scenarios.avatar.tracking import ease, keyframed
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.random_scenes.bodies import (
     FLAT,
     MATERIAL,
@@ -26,7 +27,7 @@ from touchstone.scenarios.random_scenes.bodies import (
     solid,
     support,
 )
-from touchstone.scenarios.random_scenes.hands import HAND_MATERIAL, quaternion
+from touchstone.scenarios.random_scenes.hands import HAND_MATERIAL
 from touchstone.scenarios.random_scenes.piles import heaps
 from touchstone.scenarios.random_scenes.setup import (
     DOWN,

@@ -9,6 +9,7 @@ from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.hand import hand_parts
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.random_scenes.bodies import (
     MATERIAL,
     random_direction,
@@ -17,7 +18,7 @@ from touchstone.scenarios.random_scenes.bodies import (
     solid,
     support,
 )
-from touchstone.scenarios.random_scenes.hands import FLEXED, HAND_REACH, Pressing, quaternion
+from touchstone.scenarios.random_scenes.hands import FLEXED, HAND_REACH, Pressing
 from touchstone.scenarios.random_scenes.setup import DOWN, Setup, random_gap, random_size
 from touchstone.scenarios.scenario import Body, Box, Piece, vector
 

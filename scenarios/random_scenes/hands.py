@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.avatar.tracking import ease, keyframed
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import Body, Joint, Quaternion, Tracker
 from touchstone.scenarios.solids import block
 
@@ -90,12 +91,6 @@ def pressing(rng: Generator, reach: float, top: float) -> Pressing:
         heading=heading,
         sideways=sideways,
     )
-
-
-def quaternion(turn: Rotation) -> Quaternion:
-    """Quaternion wxyz of a rotation."""
-    w, x, y, z = (float(value) for value in turn.as_quat(scalar_first=True))
-    return (w, x, y, z)
 
 
 def _box() -> Body:

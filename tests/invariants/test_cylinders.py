@@ -14,7 +14,7 @@ from touchstone.adapters.recording import Recording
 from touchstone.adapters.registry import load
 from touchstone.scenarios.catalogue import find
 from touchstone.scenarios.closed_form import motion
-from touchstone.scenarios.families.ellipsoid import quaternion
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario, vector
 from touchstone.scenarios.solids import block, cone, cylinder, half_space, slab
 

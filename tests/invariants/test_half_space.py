@@ -15,7 +15,7 @@ from turned_floor import end_of
 from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import load
-from touchstone.scenarios.families.ellipsoid import quaternion
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.rounded_solid import rounded_mass_properties
 from touchstone.scenarios.scenario import (
     GRAVITY,

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import load
-from touchstone.scenarios.families.ellipsoid import quaternion
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Scenario, vector
 
 
