@@ -9,13 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from touchstone.adapters.contract import Array, Unsupported
+from touchstone.adapters.contract import Array, Settings, Unsupported, World
 from touchstone.adapters.scripts.script import WIDTH, filled, literal, wrapped
 from touchstone.adapters.scripts.trace import Attribute, Made, Ref, Statement, Trace, is_plain, references
+from touchstone.scenarios.scenario import Scenario
 
 MOST_REPEATED = 40
 """Statements of a loop."""
 HOLE = "\0"
+UNPACKING = ("import base64", "import zlib", "", "import numpy as np")
+"""Imports of a script with recorded commands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,6 +257,17 @@ def _free(name: str, taken: Sequence[str]) -> str:
     found, k = name, 2
     while found in taken:
         found, k = f"{name}_{k}", k + 1
+    return found
+
+
+def driven_steps(trace: Trace, world: World, scenario: Scenario, settings: Settings) -> list[range]:
+    """Statements of each step of a world that plays a scene's driven bodies; none without any."""
+    found = []
+    for step in range(round(scenario.duration / settings.dt) if scenario.trackers else 0):
+        start = len(trace.statements)
+        world.drive(step)
+        found.append(range(start, len(trace.statements)))
+        world.step()
     return found
 
 

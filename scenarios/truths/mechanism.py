@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import OdeSolution, solve_ivp
+from scipy.integrate import OdeSolution
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from touchstone.scenarios.arrays import Array
@@ -52,11 +52,10 @@ from touchstone.scenarios.scenario import (
     Tracker,
 )
 from touchstone.scenarios.truths.body_motion import Motion
+from touchstone.scenarios.truths.integration import integrated
 
-RELATIVE_ERROR, ABSOLUTE_ERROR = 1e-12, 1e-14
-"""Tolerances of the integration [1; m, m/s, rad/s]: a hundred times rounding, which a step accumulates."""
 LONGEST_STEP = 1 / 60
-"""Longest step of the integration [s]: its interpolant, of order 7, is then as exact as its ends."""
+"""Longest step of the integration [s]: its interpolant is then as exact as its ends."""
 STABILISATION = 5.0
 """Rate at which drift decays [1/s]: slower than what moves, so that it asks for no shorter steps."""
 REDUNDANT = 1e-6
@@ -384,21 +383,11 @@ def played(scenario: Scenario) -> tuple[Played, ...]:
     found = []
     for joints in mechanisms(scenario):
         mechanism = Mechanism(scenario, joints)
-        run = solve_ivp(
-            mechanism.rate,
-            (0.0, end),
-            mechanism.start(),
-            "DOP853",
-            dense_output=True,
-            max_step=LONGEST_STEP,
-            rtol=RELATIVE_ERROR,
-            atol=ABSOLUTE_ERROR,
-        )
+        run = integrated(mechanism.rate, (0.0, end), mechanism.start(), longest=LONGEST_STEP)
         if run.status:
             raise RuntimeError(
                 f"{scenario.name}: the motion is singular near {run.t[-1]:.3g} s: {run.message}"
             )
-        assert run.sol is not None
         found.append(Played(mechanism, run.sol))
     _check_apart(scenario, found, np.arange(scenario.frame_count + 1) / scenario.frame_rate)
     return tuple(found)

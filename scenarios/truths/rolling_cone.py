@@ -26,9 +26,8 @@ from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.number_checks import Report
 from touchstone.scenarios.scenario import Body, Box, Cone, HalfSpace, Scenario
 from touchstone.scenarios.truths.body_motion import Motion
+from touchstone.scenarios.truths.integration import TOLERANCES
 
-RELATIVE_ERROR, ABSOLUTE_ERROR = 1e-12, 1e-14
-"""Tolerances of the integration [1; rad, rad/s]."""
 TOUCHING = 1e-9
 """Height of the apex over the plane [m], sine of the angle of the side to it [1], and deviation of velocities
 from rolling [m/s, rad/s], that are rounding."""
@@ -107,8 +106,7 @@ class Roll:
             (0.0, self.rate),
             "DOP853",
             [*times.tolist(), end],
-            rtol=RELATIVE_ERROR,
-            atol=ABSOLUTE_ERROR,
+            **TOLERANCES,
         )
         return run.y[0, :-1], run.y[1, :-1]
 

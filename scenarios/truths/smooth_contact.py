@@ -11,8 +11,7 @@ friction cannot hold (|F_t| = mu N), where the slip ends (u = 0) and where the s
 Where another piece of the fixed body is met, the impulse -K^-1 u stops the body's point there (e = 0, no
 slip), and the body leaves the piece before.
 
-Sources: Montana (1988), *The kinematics of contact and grasp*, for the rates of n and r; Hairer, Norsett and
-Wanner (1993), *Solving Ordinary Differential Equations I*, for DOP853.
+Source: Montana (1988), *The kinematics of contact and grasp*, for the rates of n and r.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from functools import lru_cache, partial
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.integrate import OdeSolution, solve_ivp
+from scipy.integrate import OdeSolution
 
 from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.number_checks import Report
@@ -40,13 +39,10 @@ from touchstone.scenarios.scenario import (
     Sphere,
 )
 from touchstone.scenarios.truths.body_motion import Motion
+from touchstone.scenarios.truths.integration import integrated
 
 Mode = Literal["roll", "slide", "fly"]
 
-RELATIVE_ERROR, ABSOLUTE_ERROR = 1e-12, 1e-14
-"""Tolerances of the integration [1; m, m/s, rad/s]: a hundred times rounding, which a step accumulates."""
-LONGEST_STEP = 1 / 240
-"""Longest step of the integration [s]: its interpolant, of order 7, is then as exact as its ends."""
 STOPPED = 1e-11
 """Slip at which a body rolls [m/s]: the integration's error of a velocity of some m/s."""
 ONSET = 1e-12
@@ -240,19 +236,12 @@ def _phases(pieces: Sequence[SmoothContact], state: Array, end: float) -> Iterat
             "slide": [partial(here.pressure, mode="slide", onset=onset), here.unstopped],
             "fly": [],
         }
-        run = solve_ivp(
+        run = integrated(
             lambda _, y: here.rate(y, mode, onset),  # noqa: B023
             (time, end),
             state,
-            "DOP853",
-            events=[_event(falls) for falls in (*ends[mode], *(other.gap for other in others))],
-            dense_output=True,
-            max_step=LONGEST_STEP,
-            rtol=RELATIVE_ERROR,
-            atol=ABSOLUTE_ERROR,
+            [*ends[mode], *(other.gap for other in others)],
         )
-        assert run.sol is not None
-        assert run.t_events is not None
         yield Phase(time, mode, here, run.sol)
         if run.status == 0:
             return
@@ -324,13 +313,3 @@ def _cross(a: Array, b: Array) -> Array:
 
 def _tangent(n: Array, v: Array) -> Array:
     return np.asarray(v - (n @ v) * n)
-
-
-def _event(function: Callable[[Array], float]) -> Callable[[float, Array], float]:
-    """An event of `solve_ivp` that ends the integration where a function of the state falls through 0."""
-
-    def event(_: float, state: Array) -> float:
-        return function(state)
-
-    event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
-    return event

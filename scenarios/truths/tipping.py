@@ -19,18 +19,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.integrate import OdeSolution, solve_ivp
+from scipy.integrate import OdeSolution
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.number_checks import Report
 from touchstone.scenarios.scenario import Body, Box, Hull, Scenario
 from touchstone.scenarios.truths.body_motion import Motion
+from touchstone.scenarios.truths.integration import integrated
 
-RELATIVE_ERROR, ABSOLUTE_ERROR = 1e-12, 1e-14
-"""Tolerances of the integration [1; rad, rad/s]: a hundred times rounding, which a step accumulates."""
-LONGEST_STEP = 1 / 240
-"""Longest step of the integration [s]: its interpolant, of order 7, is then as exact as its ends."""
 LEVEL = 1e-9
 """Height over the size of the prism below which a corner lies on the slope, and slope below which it is level
 [1]: rounding of poses."""
@@ -81,7 +78,8 @@ def _phases(scenario: Scenario, body: Body) -> Iterator[Phase]:
     slope, end = Slope.of(scenario), scenario.duration + 1 / scenario.frame_rate
     corners = _corners(body, slope)
     pull = slope.along(np.array(scenario.acting_gravity))
-    inertia = float(slope.k @ _world_inertia(body) @ slope.k)
+    turn = Rotation.from_quat(body.orientation, scalar_first=True).as_matrix()
+    inertia = float(slope.k @ (turn @ body.inertia @ turn.T) @ slope.k)
     lowest = corners[:, 1] < corners[:, 1].min() + LEVEL * np.ptp(corners)
     first = int(np.argmax(np.where(lowest, corners[:, 0], -np.inf)))
     corners = np.roll(corners, -first, axis=0)
@@ -93,19 +91,8 @@ def _phases(scenario: Scenario, body: Body) -> Iterator[Phase]:
             x, z = -_turned(r, y[0])
             return np.array([y[1], body.mass * (z * pull[0] - x * pull[1]) / (inertia + body.mass * r @ r)])
 
-        run = solve_ivp(
-            rate,
-            (time, end),
-            state,
-            "DOP853",
-            events=[_landing(corners[side] - here) for side in (1, -1)],
-            dense_output=True,
-            max_step=LONGEST_STEP,
-            rtol=RELATIVE_ERROR,
-            atol=ABSOLUTE_ERROR,
-        )
-        assert run.sol is not None
-        assert run.t_events is not None
+        # the other ends of two edges come down on the slope
+        run = integrated(rate, (time, end), state, [_height(corners[side] - here) for side in (1, -1)])
         yield Phase(time, here, pivot, run.sol)
         time, (phi, omega) = float(run.t[-1]), run.y[:, -1]
         side = 1 if len(run.t_events[0]) else -1
@@ -160,22 +147,11 @@ def _corners(body: Body, slope: Slope) -> Array:
     return np.asarray(found[np.argsort(np.arctan2(found[:, 1], found[:, 0]))])
 
 
-def _landing(edge: Array) -> Callable[[float, Array], float]:
-    """Event of `solve_ivp` that ends a phase where the other end of an edge comes down on the slope."""
-
-    def lands(_: float, y: Array) -> float:
-        return float(_turned(edge, y[0])[1])
-
-    lands.terminal, lands.direction = True, -1.0  # type: ignore[attr-defined]
-    return lands
+def _height(edge: Array) -> Callable[[Array], float]:
+    return lambda y: float(_turned(edge, y[0])[1])
 
 
 def _turned(r: Array, phi: Array | float) -> Array:
     """A vector along d and n after a turn about k by phi (2, ...)."""
     c, s = np.cos(phi), np.sin(phi)
     return np.array([c * r[0] + s * r[1], c * r[1] - s * r[0]])
-
-
-def _world_inertia(body: Body) -> Array:
-    turn = Rotation.from_quat(body.orientation, scalar_first=True).as_matrix()
-    return np.asarray(turn @ body.inertia @ turn.T)

@@ -13,7 +13,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.bullet import bodies, engine, joints
 from touchstone.adapters.scripts.script import Parts, literal, moving
 from touchstone.adapters.scripts.trace import Trace, needed
-from touchstone.adapters.scripts.writing import Writer, commanded
+from touchstone.adapters.scripts.writing import UNPACKING, Writer, commanded, driven_steps
 from touchstone.scenarios.scenario import Scenario
 
 HANDLES = {
@@ -49,27 +49,21 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
     """The parts of a scene's script; raises Unsupported if Bullet cannot represent it."""
     with traced() as trace:
         world = engine.BulletEngine().build(scenario, settings)
-        built, steps = len(trace.statements), []
-        if scenario.trackers:
-            for step in range(round(scenario.duration / settings.dt)):
-                start = len(trace.statements)
-                world.drive(step)
-                steps.append((start, len(trace.statements)))
-                pybullet.stepSimulation(physicsClientId=world._on["physicsClientId"])
-                world._read_since_step = False
+        built = len(trace.statements)
+        steps = driven_steps(trace, world, scenario, settings)
     world.close()
     kept = needed(trace)
     every, moved = set(kept), moving(scenario)
     first = [k for k in kept if trace.statements[k].called == OF_SETTINGS]
     writer = Writer(trace, [k for k in kept if k < built and k not in first], NAMES, HIDDEN)
-    commands, lines = commanded(trace, [[k for k in range(*span) if k in every] for span in steps], writer)
+    commands, lines = commanded(trace, [[k for k in step if k in every] for step in steps], writer)
     colliders = [world._bodies.colliders[k][0] for k in moved]
     links = any(link != BASE for _, link in colliders)
     found = {
         scenario.bodies[k].name: literal((int(number), link) if links else int(number))
         for k, (number, link) in zip(moved, colliders)
     }
-    numpy = ["import base64", "import zlib", "", "import numpy as np"] if commands is not None else []
+    numpy = UNPACKING if commands is not None else ()
     return Parts(
         f"pybullet=={version('pybullet')}",
         [*numpy, "import pybullet as p"],

@@ -13,7 +13,7 @@ from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.dart import engine, model
 from touchstone.adapters.scripts.script import Parts, moving
 from touchstone.adapters.scripts.trace import Trace, expression, needed, references
-from touchstone.adapters.scripts.writing import Writer, commanded
+from touchstone.adapters.scripts.writing import UNPACKING, Writer, commanded, driven_steps
 from touchstone.scenarios.scenario import Scenario
 
 VALUES = re.compile(r"Isometry3|Quaternion|Inertia|Uri|[A-Z]\w+Shape|[A-Z]\w+Detector")
@@ -45,13 +45,8 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
     """The parts of a scene's script; raises Unsupported if DART cannot represent it."""
     with traced() as trace:
         world = engine.DartEngine().build(scenario, settings)
-        built, steps = len(trace.statements), []
-        if scenario.trackers:
-            for step in range(round(scenario.duration / settings.dt)):
-                start = len(trace.statements)
-                world.drive(step)
-                steps.append((start, len(trace.statements)))
-                world.step()
+        built = len(trace.statements)
+        steps = driven_steps(trace, world, scenario, settings)
         moved = moving(scenario)
         nodes = {scenario.bodies[k].name: expression(world._nodes[k]) for k in moved}
         own = next(references(expression(world._world)))
@@ -63,8 +58,8 @@ def parts(scenario: Scenario, settings: Settings) -> Parts:
     writer = Writer(
         trace, order[len(first) :], {}, kept=[*nodes.values(), *used], before=first, starts=STARTS
     )
-    commands, lines = commanded(trace, [[k for k in range(*span) if k in every] for span in steps], writer)
-    numpy = ["import base64", "import zlib", "", "import numpy as np"] if commands is not None else []
+    commands, lines = commanded(trace, [[k for k in step if k in every] for step in steps], writer)
+    numpy = UNPACKING if commands is not None else ()
     hulls = any("mesh_shape" in text for text in writer.lines())
     helper = inspect.getsource(model.mesh_shape).splitlines() if hulls else []
     files = ["import tempfile", "from pathlib import Path", "from typing import Any", ""] if hulls else []

@@ -33,15 +33,18 @@ from touchstone.adapters.contract import (
     Unsupported,
 )
 from touchstone.adapters.engines.mujoco.contacts import add_contacts, contact_parameters, restitution_of
-from touchstone.adapters.engines.mujoco.joints import add_loops_and_motors, start_rates
+from touchstone.adapters.engines.mujoco.joints import (
+    add_loops_and_motors,
+    inverse,
+    start_rates,
+    turned,
+)
 from touchstone.adapters.engines.mujoco.model import (
     add_bodies,
     add_servos,
     hear_warnings,
-    inverse,
     prescribed_mass,
     set_options,
-    turned,
 )
 from touchstone.adapters.engines.scene_world import SceneWorld, drives_of
 from touchstone.adapters.posed_drive import Posed, coupled

@@ -13,7 +13,7 @@ from touchstone.adapters.engines.mujoco.contacts import solref_of
 from touchstone.adapters.engines.mujoco.settings import SETTINGS
 from touchstone.adapters.joined_bodies import closing_points, moved_parent, start_motion
 from touchstone.scenarios.body_joints import is_limited, spanning_trees
-from touchstone.scenarios.scenario import UNBOUNDED, Body, BodyJoint, Scenario, Vector
+from touchstone.scenarios.scenario import UNBOUNDED, Body, BodyJoint, Quaternion, Scenario, Vector
 
 TYPES = {
     "hinge": mujoco.mjtJoint.mjJNT_HINGE,
@@ -23,22 +23,22 @@ TYPES = {
 """Types of joints; bodies of a fixed one are nested without a joint."""
 
 
+def inverse(quaternion: Quaternion | Array) -> Array:
+    return np.array(quaternion) * (1.0, -1.0, -1.0, -1.0)
+
+
+def turned(vector: Vector | Array, quaternion: Quaternion | Array) -> Array:
+    """`vector` rotated by `quaternion`."""
+    out = np.zeros(3)
+    mujoco.mju_rotVecQuat(out, np.array(vector, float), np.array(quaternion))
+    return out
+
+
 def in_frame(body: Body | None, point: Vector | Array) -> Array:
     """A world point in the frame of a body at the start; of the world, itself."""
     if body is None:
         return np.array(point, float)
-    return _turned_back(body, np.subtract(point, body.position))
-
-
-def _turned_back(body: Body | None, vector: Vector | Array) -> Array:
-    out = np.array(vector, float)
-    if body is not None:
-        mujoco.mju_rotVecQuat(out, np.array(vector, float), _inverse(body.orientation))
-    return out
-
-
-def _inverse(quaternion: tuple[float, ...]) -> Array:
-    return np.array(quaternion) * (1.0, -1.0, -1.0, -1.0)
+    return turned(np.subtract(point, body.position), inverse(body.orientation))
 
 
 def add_trees(spec: Any, scenario: Scenario, bodies: dict[int, Any], settings: Settings) -> None:
@@ -50,7 +50,7 @@ def add_trees(spec: Any, scenario: Scenario, bodies: dict[int, Any], settings: S
         outer, turn = spec.worldbody, np.array(child.orientation)
         if parent is not None:
             outer = bodies[scenario.body_index(parent.name)]
-            mujoco.mju_mulQuat(turn, _inverse(parent.orientation), np.array(child.orientation))
+            mujoco.mju_mulQuat(turn, inverse(parent.orientation), np.array(child.orientation))
         bodies[index] = outer.add_body(name=f"{index}", pos=in_frame(parent, child.position), quat=turn)
         if joint.type == "fixed":
             continue
@@ -58,7 +58,7 @@ def add_trees(spec: Any, scenario: Scenario, bodies: dict[int, Any], settings: S
             name=f"joint {joint.name}",
             type=TYPES[joint.type],
             pos=in_frame(child, joint.anchor),
-            axis=_turned_back(child, joint.axis),
+            axis=turned(joint.axis, inverse(child.orientation)),
         )
         if is_limited(joint):
             made.limited, made.range = mujoco.mjtLimited.mjLIMITED_TRUE, (joint.lower, joint.upper)
@@ -126,9 +126,9 @@ def _add_loop(spec: Any, scenario: Scenario, joint: BodyJoint, settings: Setting
         if joint.type != "fixed":
             made.data[:3] = in_frame(child, point)
         else:
-            turn = _inverse(child.orientation)
+            turn = inverse(child.orientation)
             if parent is not None:
-                mujoco.mju_mulQuat(turn, _inverse(child.orientation), np.array(parent.orientation))
+                mujoco.mju_mulQuat(turn, inverse(child.orientation), np.array(parent.orientation))
             # the anchor in the second body and in the first, and the turn of the second in the first
             made.data[:3], made.data[3:6] = in_frame(parent, point), in_frame(child, point)
             made.data[6:10], made.data[10] = turn, 1.0
@@ -144,6 +144,6 @@ def start_rates(scenario: Scenario, model: Any, qvel: Array) -> None:
         turn, speed = start_motion(child, parent)
         first = int(model.joint(f"joint {joint.name}").dofadr[0])
         if joint.type == "ball":
-            qvel[first : first + 3] = _turned_back(child, turn)
+            qvel[first : first + 3] = turned(turn, inverse(child.orientation))
         else:
             qvel[first] = np.dot(joint.axis, turn if joint.type == "hinge" else speed)

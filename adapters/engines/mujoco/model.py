@@ -10,8 +10,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from touchstone.adapters.contract import Array, BodyFacts, Settings, Unsupported
-from touchstone.adapters.engines.mujoco.joints import add_trees
+from touchstone.adapters.contract import BodyFacts, Settings, Unsupported
+from touchstone.adapters.engines.mujoco.joints import add_trees, inverse, turned
 from touchstone.adapters.engines.mujoco.settings import FLAGS, OF_CONTACTS, SETTINGS
 from touchstone.adapters.registry import DEFAULT
 from touchstone.adapters.servo import Drive
@@ -26,10 +26,8 @@ from touchstone.scenarios.scenario import (
     HalfSpace,
     Hull,
     Piece,
-    Quaternion,
     Scenario,
     Sphere,
-    Vector,
 )
 
 HEAVY = 1e4
@@ -191,14 +189,3 @@ def add_piece(spec: Any, body: Any, piece: Piece, name: str) -> None:
             geom.type, geom.size = kinds.mjGEOM_PLANE, (0.0, 0.0, 1.0)
         case _:
             raise Unsupported(f"mujoco: no shape {type(piece.shape).__name__}")
-
-
-def inverse(quaternion: Quaternion | Array) -> Array:
-    return np.array(quaternion) * (1.0, -1.0, -1.0, -1.0)
-
-
-def turned(vector: Vector | Array, quaternion: Quaternion | Array) -> Array:
-    """`vector` rotated by `quaternion`."""
-    out = np.zeros(3)
-    mujoco.mju_rotVecQuat(out, np.array(vector), np.array(quaternion))
-    return out
