@@ -23,7 +23,7 @@ def final_positions(scenario: Scenario) -> Array | None:
     simulated = [body for body in scenario.bodies if body.kind == "simulated"]
     others = [body for body in scenario.bodies if body.kind != "simulated"]
     gravity = np.array(scenario.acting_gravity)
-    round_ones = all(_is_ball(body) for body in simulated)
+    round_ones = all(len(one.pieces) == 1 and isinstance(one.pieces[0].shape, Sphere) for one in simulated)
     if not others and len(simulated) == 1:
         p, v = (np.array(x) for x in (simulated[0].position, simulated[0].linear_velocity))
         return np.asarray((p + v * scenario.duration + gravity * scenario.duration**2 / 2)[None])
@@ -36,10 +36,6 @@ def final_positions(scenario: Scenario) -> Array | None:
             height = _bounced(ball.position[2] - _radius(ball), e, -float(gravity[2]), scenario.duration)
             return np.array([[*ball.position[:2], _radius(ball) + height]])
     return None
-
-
-def _is_ball(body: Body) -> bool:
-    return len(body.pieces) == 1 and isinstance(body.pieces[0].shape, Sphere)
 
 
 def _radius(body: Body) -> float:

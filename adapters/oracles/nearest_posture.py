@@ -21,7 +21,8 @@ from touchstone.adapters.contract import Array
 from touchstone.adapters.oracles.articulated import Articulated
 from touchstone.adapters.oracles.overlap import Pose, coal_shape, signed_distance
 from touchstone.adapters.vector_products import cross
-from touchstone.scenarios.scenario import Piece, Scenario, Tracker
+from touchstone.scenarios.avatar.kinematics import matrix
+from touchstone.scenarios.scenario import Scenario, Tracker
 
 FREE = 1e-6
 """Maximum overlap of a free posture [m]: tolerance of the reference's removal."""
@@ -67,7 +68,7 @@ class NearestPosture:
             (k, piece) for k, body in enumerate(scenario.bodies) if k not in links for piece in body.pieces
         ]
         self._body = np.array([body for body, _ in own + rest])
-        self._place = [_pose(piece) for _, piece in own + rest]
+        self._place = [(matrix(piece.orientation), np.array(piece.position)) for _, piece in own + rest]
         self._shapes: list[Any] = [coal_shape(piece.shape) for _, piece in own + rest]
         self._link = np.array([links.index(body) for body, _ in own])
         for shape in self._shapes:
@@ -98,7 +99,7 @@ class NearestPosture:
             starts: the first starts [rad]; random ones near each of these in turn complete them.
         """
         rest = range(len(self._link), len(self._body))
-        self._root_orientation = _wxyz(root[0])
+        self._root_orientation = Rotation.from_matrix(root[0]).as_quat(scalar_first=True)
         self._root, self._others = root, [_times(others[self._body[k]], self._place[k]) for k in rest]
         best, least = None, inf
         for k in range(STARTS):
@@ -227,11 +228,6 @@ def _least_distance(tracked: Array, slopes: Array, heights: Array, low: Array, h
     return moved
 
 
-def _pose(piece: Piece) -> Pose:
-    turned = Rotation.from_quat(np.array(piece.orientation), scalar_first=True)
-    return turned.as_matrix(), np.array(piece.position)
-
-
 def _times(frame: Pose, local: Pose) -> Pose:
     return frame[0] @ local[0], frame[1] + frame[0] @ local[1]
 
@@ -244,8 +240,3 @@ def _placed(frame: Pose, point: Array) -> Array:
 def _seen(frame: Pose, point: Array) -> Array:
     local: Array = (point - frame[1]) @ frame[0]
     return local
-
-
-def _wxyz(rotation: Array) -> Array:
-    quaternion: Array = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
-    return quaternion

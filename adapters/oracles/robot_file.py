@@ -217,7 +217,11 @@ def deviations(found: Imported, trees: list[FileTree]) -> dict[str, float]:
     turning = [tree for tree in trees if tree.hinges]
     joined = {name for joint in scenario.body_joints for name in (joint.parent, joint.child)}
     free = {b.name: b for b in scenario.bodies if b.kind == "simulated" and b.name not in joined}
-    still = [tree for tree in trees if not tree.hinges and not _is_left_out(found, tree)]
+    still = [
+        tree
+        for tree in trees
+        if not tree.hinges and not any(note.startswith(f"{LEFT_OUT} {tree.name!r}") for note in found.notes)
+    ]
     if len(free) != len(still) or (len(driven) != len(turning) and not joined):
         return dict.fromkeys(QUANTITIES, inf)
     if joined:
@@ -230,10 +234,6 @@ def deviations(found: Imported, trees: list[FileTree]) -> dict[str, float]:
     for away in each:
         off |= {name: max(off[name], value) for name, value in away.items()}
     return off
-
-
-def _is_left_out(found: Imported, tree: FileTree) -> bool:
-    return any(note.startswith(f"{LEFT_OUT} {tree.name!r}") for note in found.notes)
 
 
 def _based(found: Imported, root: str, whole: MassProperties) -> MassProperties:

@@ -121,7 +121,7 @@ def place_floor(parts: Parts, notes: list[str]) -> None:
         for body in parts.bodies
         if body.kind == "fixed"
         for piece in body.pieces
-        if _is_slab(piece)
+        if piece.shape == Box(SLAB) and piece.orientation[0] > 1 - 1e-9
     ]
     if not any(body.kind == "fixed" for body in parts.bodies):
         floor = slab(free_name("floor", [body.name for body in parts.bodies]), "floor")
@@ -144,10 +144,6 @@ def place_floor(parts: Parts, notes: list[str]) -> None:
 
 def _raised(place: Vector, rise: float) -> Vector:
     return (place[0], place[1], place[2] + rise)
-
-
-def _is_slab(piece: Piece) -> bool:
-    return piece.shape == Box(SLAB) and piece.orientation[0] > 1 - 1e-9
 
 
 def _lowest(parts: Parts) -> float | None:

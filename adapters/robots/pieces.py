@@ -185,14 +185,13 @@ class PieceMaker:
                 self._hulls[mesh] = mesh_hull(*mesh_triangles(model, mesh))
             except ValueError as error:
                 raise RobotError(f"mesh {model.mesh(mesh).name!r}: {error}") from error
-            self._note(f"mesh {model.mesh(mesh).name!r}", self._hulls[mesh])
+            found = self._hulls[mesh]
+            self._notes.append(
+                f"mesh {model.mesh(mesh).name!r}: convex hull of {len(found.hull.vertices)} corners, "
+                f"cuts off {found.cut * 1e3:.2g} mm, fills hollows of {found.filled * 1e3:.2g} mm, "
+                f"at a size of {found.size * 1e3:.3g} mm"
+            )
         return self._hulls[mesh]
-
-    def _note(self, what: str, found: Approximation) -> None:
-        self._notes.append(
-            f"{what}: convex hull of {len(found.hull.vertices)} corners, cuts off {found.cut * 1e3:.2g} mm, "
-            f"fills hollows of {found.filled * 1e3:.2g} mm, at a size of {found.size * 1e3:.3g} mm"
-        )
 
 
 def quaternion(turned: Rotation) -> Quaternion:

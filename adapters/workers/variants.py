@@ -188,9 +188,7 @@ class _Run:
         if self._world is not None:
             self._world.close()
         same = self._same and not self._ended
-        pace, beside = (_gross(seconds) for seconds in (self._seconds, first._seconds))
+        pace, beside = (
+            Pace(np.array(seconds), np.zeros(len(seconds))) for seconds in (self._seconds, first._seconds)
+        )
         return Variant(pace, beside, self._moved, self._turned, same, self._ended)
-
-
-def _gross(seconds: Sequence[float]) -> Pace:
-    return Pace(np.array(seconds), np.zeros(len(seconds)))

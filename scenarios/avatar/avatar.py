@@ -118,7 +118,9 @@ Parts = tuple[tuple[Body, ...], tuple[Joint, ...], tuple[Chain, ...]]
 @cache
 def avatar_parts() -> Parts:
     """The person, torso first: neck, then arms and legs, left before right."""
-    torso = _link("torso", "torso", UP, _torso_pieces())
+    pelvis = _part("pelvis", (0.13, 0.15, 0.11), (0.0, 0.0, 0.06))
+    trunk = _part("trunk", (0.25, 0.16, 0.11), (0.0, 0.0, 0.36))
+    torso = _link("torso", "torso", UP, (pelvis, trunk))
     head = _link("head", "head", UP, (_part("head", (0.12, 0.075, 0.095), (0.0, 0.0, 0.123)),))
     neck, hinges = _ball("neck", (SIDEWAYS, UP), _ellipse(45, 45, 45, 45, UP), (-60, 60))
     bodies, joints = _hang("torso", "neck", (0.0, 0.0, SEGMENTS["torso"].length), hinges, head)
@@ -303,11 +305,6 @@ def _ellipse(forward: float, backward: float, out: float, inward: float, rest: V
 def _arm_direction(plane: float, elevation: float) -> Vector:
     p, e = radians(plane), radians(elevation)
     return (sin(e) * sin(p), sin(e) * cos(p), -cos(e))
-
-
-def _torso_pieces() -> tuple[Piece, ...]:
-    pelvis = _part("pelvis", (0.13, 0.15, 0.11), (0.0, 0.0, 0.06))
-    return (pelvis, _part("trunk", (0.25, 0.16, 0.11), (0.0, 0.0, 0.36)))
 
 
 def _rod(name: str, segment: str, radius: float) -> Piece:

@@ -59,7 +59,8 @@ def sliding(
 ) -> Scenario:
     """Cubes that slide over a plane at `headings` [degrees] from `speed` [m/s] to rest."""
     names = [f"box_{heading:.3g}" for heading in headings]
-    starts = [_start(k) for k in range(len(headings))]
+    # side by side, perpendicular to the first heading, with the last at the left
+    starts: list[Vector] = [(0.0, LANE * k, HALF) for k in range(len(headings))]
     turns = [radians(heading) for heading in headings]
     cubes = tuple(
         block(
@@ -87,11 +88,6 @@ def sliding(
         truths=truths,
         seed=seed,
     )
-
-
-def _start(lane: int) -> Vector:
-    """Start positions side by side, perpendicular to the first heading, with the last at the left."""
-    return (0.0, LANE * lane, HALF)
 
 
 def _until_rest(start: Vector, turn: float, speed: float, mu: float) -> tuple[Arc, Arc]:

@@ -169,7 +169,8 @@ def _message(one: Any, path: Path, model: type[BaseModel]) -> str:
     """What was found and what is expected, from an error of pydantic."""
     match one["type"]:
         case "extra_forbidden":
-            valid = _valid_fields(one["loc"], model)
+            inner = _model_at(one["loc"], model)
+            valid = list(inner.model_fields) if inner is not None else []
             within = _parts_with(path[-1], _model_at(one["loc"], model))
             return f"{_unknown(path[-1], valid)}{within} (valid: {', '.join(valid)})"
         case "missing":
@@ -225,12 +226,6 @@ def _no_shape(found: Any) -> str:
 def _short(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _valid_fields(place: tuple[Any, ...], model: Any) -> list[str]:
-    """Fields of the model in which an unknown field was found."""
-    inner = _model_at(place, model)
-    return list(inner.model_fields) if inner is not None else []
 
 
 def _model_at(place: tuple[Any, ...], model: Any) -> Any:

@@ -64,7 +64,8 @@ def pressing(rng: Generator, reach: float, top: float) -> Pressing:
     It starts apart from them: above them, or beside them at the distance of its own reach.
     """
     hinged, sideways = bool(rng.random() < 0.75), bool(rng.random() < 0.4)
-    bodies, joints = hand_parts() if hinged else ((_box(),), ())
+    presser = block("presser", HAND_MATERIAL, BOX_HALF, BOX_MASS, kind="driven")
+    bodies, joints = hand_parts() if hinged else ((presser,), ())
     own = HAND_REACH if hinged else float(np.linalg.norm(BOX_HALF))
     yaw = float(rng.uniform(-pi, pi))
     turn = Rotation.from_rotvec([0.0, 0.0, yaw])
@@ -91,7 +92,3 @@ def pressing(rng: Generator, reach: float, top: float) -> Pressing:
         heading=heading,
         sideways=sideways,
     )
-
-
-def _box() -> Body:
-    return block("presser", HAND_MATERIAL, BOX_HALF, BOX_MASS, kind="driven")

@@ -57,19 +57,6 @@ class Relation:
 MIRROR = np.diag((-1.0, 1.0, 1.0))
 
 
-def _translated(scenario: Scenario) -> Scenario:
-    return changes.bare(translated(scenario, OFFSET))
-
-
-def _reversed(scenario: Scenario) -> Scenario:
-    return changes.bare(permuted(scenario, range(len(scenario.bodies))[::-1]))
-
-
-def _loose(scenario: Scenario) -> bool:
-    """Whether links need no order: no driven body has any."""
-    return not scenario.joints
-
-
 RELATIONS: dict[str, Relation] = {
     one.name: one
     for one in (
@@ -88,7 +75,7 @@ RELATIONS: dict[str, Relation] = {
             MIRROR,
             applies=lambda s: not any(chain.cones for chain in s.chains),
         ),
-        Relation("translation", "moved", _translated, offset=OFFSET),
+        Relation("translation", "moved", lambda s: changes.bare(translated(s, OFFSET)), offset=OFFSET),
         Relation(
             "uniform",
             "on fixed bodies that move uniformly",
@@ -103,7 +90,12 @@ RELATIONS: dict[str, Relation] = {
             push=PUSH,
             applies=lambda s: "gravity" in s.effects and changes.can_be_carried(s),
         ),
-        Relation("bodies", "bodies in reverse order", _reversed, applies=_loose),
+        Relation(
+            "bodies",
+            "bodies in reverse order",
+            lambda s: changes.bare(permuted(s, range(len(s.bodies))[::-1])),
+            applies=lambda s: not s.joints,  # links have an order
+        ),
         Relation(
             "piece_order",
             "pieces in reverse order",

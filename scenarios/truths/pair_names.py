@@ -30,7 +30,12 @@ class PairName(str):
 def ambiguities(names: Sequence[str]) -> Iterator[tuple[int, str]]:
     """Places of names that give two pairs one name, and the reason."""
     known = set(names)
-    cuts = [(i, name[:k], name[k + 1 :]) for i, name in enumerate(names) for k in _hyphens(name)]
+    cuts = [
+        (i, name[:k], name[k + 1 :])
+        for i, name in enumerate(names)
+        for k, character in enumerate(name)
+        if character == "-"
+    ]
     middles = {tail: (head, names[i]) for i, head, tail in cuts if head in known}
     for i, head, tail in cuts:
         if tail in known and head in middles:
@@ -39,7 +44,3 @@ def ambiguities(names: Sequence[str]) -> Iterator[tuple[int, str]]:
     for i, name in enumerate(names):
         if (plain := NUMBERED.sub("", name)) != name and plain in known:
             yield i, f"{name!r} reads as a numbered event of {plain!r}; rename one"
-
-
-def _hyphens(text: str) -> list[int]:
-    return [k for k, character in enumerate(text) if character == "-"]

@@ -277,20 +277,17 @@ class World(SceneWorld):
         return drive.servo_stiffness * error + drive.servo_damping * error_rate
 
     def describe(self) -> Manifest:
-        bodies = zip(self._scenario.bodies, self._nodes)
+        world, bodies = self._world, zip(self._scenario.bodies, self._nodes)
         return self._manifest(
             self._facts(),
             {body.name: body_facts(node) for body, node in bodies if body.kind not in UNMOVED},
             self._pair_facts(self._combined),
             [node.getNumShapeNodes() for node in self._nodes],
-            dt=self._world.getTimeStep(),
+            dt=world.getTimeStep(),
             limits=self._limits(),
-            freedom=sum(skeleton.getNumDofs() for skeleton in self._skeletons())
+            freedom=sum(world.getSkeleton(k).getNumDofs() for k in range(world.getNumSkeletons()))
             - 6 * sum(one.prescribed for one, _ in self._posed),
         )
-
-    def _skeletons(self) -> list[Any]:
-        return [self._world.getSkeleton(k) for k in range(self._world.getNumSkeletons())]
 
     def _limits(self) -> dict[str, tuple[float, float]]:
         names = [name for tracker in self._trackers for name in tracker.joints]

@@ -58,7 +58,9 @@ def contact_filter(scenario: Scenario) -> ContactFilter:
     """Masks, priorities and exceptions that give every touching pair its coefficients and exclude all other
     pairs."""
     touching = tuple(scenario.touching_pairs())
-    group_of = _groups(scenario)
+    group_of: list[Group] = [
+        (body.kind, tracker, body.material) for body, tracker in zip(scenario.bodies, scenario.groups())
+    ]
     kinds = list(dict.fromkeys((kind, tracker) for kind, tracker, _ in group_of))
     if len(kinds) > MASK_BITS:
         return ContactFilter({}, (), touching)
@@ -85,10 +87,6 @@ def contact_filter(scenario: Scenario) -> ContactFilter:
         pair for pair in touching if frozenset((group_of[pair[0]], group_of[pair[1]])) in deviating
     )
     return ContactFilter(geoms, _excluded(scenario, geoms, touching), explicit)
-
-
-def _groups(scenario: Scenario) -> list[Group]:
-    return [(body.kind, tracker, body.material) for body, tracker in zip(scenario.bodies, scenario.groups())]
 
 
 def _peeled(

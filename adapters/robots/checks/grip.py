@@ -67,7 +67,7 @@ def _hangs_on(model: Any, body: int, root: int) -> bool:
 def _pair(source: Source, start: Posture, a: _Finger, b: _Finger) -> Iterator[Finding]:
     model = source.model
     coupled = followers(source)
-    ends = [_ends(model, finger) for finger in (a, b)]
+    ends = [tuple(model.jnt_range[finger.joint].tolist()) for finger in (a, b)]
     master = next((x for x, y in ((a, b), (b, a)) if _follows(coupled, model, y, x)), None)
     choices = [(one, two) for one, two in product(*ends)]
     both_ends = np.sum(ends, axis=1)
@@ -88,7 +88,8 @@ def _pair(source: Source, start: Posture, a: _Finger, b: _Finger) -> Iterator[Fi
     if force is None:
         return
     subject = f"{name_of(model, 'body', a.body)} and {name_of(model, 'body', b.body)}"
-    yield _verdict(subject, opening, max(0.0, least), force, _friction(model, a, b), min(a.weight, b.weight))
+    friction = min(float(model.geom_friction[list(finger.geoms), 0].max()) for finger in (a, b))
+    yield _verdict(subject, opening, max(0.0, least), force, friction, min(a.weight, b.weight))
 
 
 def _verdict(subject: str, opening: float, least: float, force: float, mu: float, weight: float) -> Finding:
@@ -112,11 +113,6 @@ def _verdict(subject: str, opening: float, least: float, force: float, mu: float
 def _follows(coupled: dict[str, tuple[str, float]], model: Any, one: _Finger, other: _Finger) -> bool:
     names = [model.joint(finger.joint).name for finger in (one, other)]
     return coupled.get(names[0], ("", 0.0))[0] == names[1]
-
-
-def _ends(model: Any, finger: _Finger) -> tuple[float, float]:
-    low, high = model.jnt_range[finger.joint].tolist()
-    return low, high
 
 
 def _moved(start: Posture, a: _Finger, b: _Finger, at: Array | tuple[float, ...]) -> Posture:
@@ -156,7 +152,3 @@ def _force(start: Posture, pair: tuple[_Finger, _Finger], at: Array, master: int
         drive = forces[master] * abs(levers[master])
         return drive / sum(map(abs, levers))
     return min(forces)
-
-
-def _friction(model: Any, a: _Finger, b: _Finger) -> float:
-    return min(float(model.geom_friction[list(finger.geoms), 0].max()) for finger in (a, b))
