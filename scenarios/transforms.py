@@ -80,18 +80,16 @@ def translated(scenario: Scenario, offset: Vector) -> Scenario:
     def there(place: Vector) -> Vector:
         return vector(np.add(place, offset))
 
-    return replace(
-        scenario,
-        bodies=tuple(
-            b if b.kind in TRACKED else replace(b, position=there(b.position)) for b in scenario.bodies
-        ),
-        body_joints=tuple(replace(j, anchor=there(j.anchor)) for j in scenario.body_joints),
-        trackers=tuple(replace(t, positions=tuple(map(there, t.positions))) for t in scenario.trackers),
-        truths=tuple(
-            replace(t, arcs=tuple(replace(arc, position=there(arc.position)) for arc in t.arcs))
-            for t in scenario.truths
-        ),
+    bodies = tuple(
+        b if b.kind in TRACKED else replace(b, position=there(b.position)) for b in scenario.bodies
     )
+    changes: Changes = {
+        **dict.fromkeys(("position", "anchor"), there),
+        "positions": each(there),
+        **dict.fromkeys(("bodies", "joints"), tuple),
+    }
+    found: Scenario = mapped(scenario, changes, bodies=bodies)
+    return found
 
 
 def mirrored(scenario: Scenario) -> Scenario:

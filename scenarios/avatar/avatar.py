@@ -41,6 +41,7 @@ from touchstone.scenarios.scenario import (
     Vector,
 )
 from touchstone.scenarios.solids import elliptic_hull, sphere_inertia
+from touchstone.scenarios.transforms import Changes, each, mapped
 
 STATURE, MASS = 1.741, 73.0
 """Height [m] and mass [kg]."""
@@ -318,53 +319,6 @@ def _part(name: str, half_axes: Vector, position: Vector) -> Piece:
     return Piece(name, Hull(elliptic_hull(half_axes)), position, UPRIGHT)
 
 
-def _mirrored(left: Parts) -> Parts:
-    """Mirrored parts for the right side: points are mirrored; axes, and with them cones, change their
-    sense."""
-    bodies, joints, chains = left
-    return (
-        tuple(_mirrored_body(body) for body in bodies),
-        tuple(
-            replace(
-                joint,
-                name=_right(joint.name),
-                parent=_right(joint.parent),
-                child=_right(joint.child),
-                position=_reflected(joint.position),
-                axis=_turned(joint.axis),
-            )
-            for joint in joints
-        ),
-        tuple(
-            Chain(
-                _right(chain.name), tuple(map(_right, chain.joints)), tuple(map(_mirrored_cone, chain.cones))
-            )
-            for chain in chains
-        ),
-    )
-
-
-def _mirrored_body(body: Body) -> Body:
-    # Products of inertia with y change sign; hulls and boxes are their own mirror images.
-    sign = np.outer((1, -1, 1), (1, -1, 1))
-    return replace(
-        body,
-        name=_right(body.name),
-        pieces=tuple(
-            replace(piece, name=_right(piece.name), position=_reflected(piece.position))
-            for piece in body.pieces
-        ),
-        center_of_mass=_reflected(body.center_of_mass),
-        inertia=_matrix(np.array(body.inertia) * sign),
-    )
-
-
-def _mirrored_cone(cone: ReachCone) -> ReachCone:
-    first, second, third = map(_right, cone.joints)
-    swing = tuple(map(_turned, cone.swing))
-    return ReachCone((first, second, third), _turned(cone.center), swing, cone.twist)
-
-
 def _right(name: str) -> str:
     return name.replace("left_", "right_")
 
@@ -376,6 +330,27 @@ def _reflected(point: Vector) -> Vector:
 def _turned(axis: Vector) -> Vector:
     """Mirror image of a rotation axis."""
     return (0.0 - axis[0], axis[1], 0.0 - axis[2])
+
+
+def _inertia(matrix: Matrix) -> Matrix:
+    return _matrix(np.array(matrix) * np.outer((1, -1, 1), (1, -1, 1)))
+
+
+MIRRORED: Changes = {
+    **dict.fromkeys(("name", "parent", "child"), _right),
+    "joints": each(_right),
+    **dict.fromkeys(("position", "center_of_mass"), _reflected),
+    "inertia": _inertia,
+    **dict.fromkeys(("axis", "center"), _turned),
+    "swing": each(_turned),
+}
+"""What changes of parts of the left side: axes, and with them cones, change their sense; hulls and boxes are
+their own mirror images."""
+
+
+def _mirrored(left: Parts) -> Parts:
+    bodies, joints, chains = (tuple(mapped(one, MIRRORED) for one in parts) for parts in left)
+    return bodies, joints, chains
 
 
 def _vector(values: Array) -> Vector:

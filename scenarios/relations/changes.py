@@ -15,7 +15,6 @@ from touchstone.scenarios.scenario import (
     IDENTITY,
     TRACKED,
     UNBOUNDED,
-    Body,
     BodyJoint,
     Box,
     Hull,
@@ -52,59 +51,34 @@ def rotated(scenario: Scenario, turn: Rotation) -> Scenario:
         w, x, y, z = (turn * Rotation.from_quat(q, scalar_first=True)).as_quat(scalar_first=True).tolist()
         return (w, x, y, z)
 
-    def body(one: Body) -> Body:
-        if one.kind in TRACKED:
-            return one
-        return replace(
-            one,
-            position=there(one.position),
-            orientation=turned(one.orientation),
-            linear_velocity=there(one.linear_velocity),
-            angular_velocity=there(one.angular_velocity),
-        )
-
-    def tracker(one: Tracker) -> Tracker:
-        return replace(
-            one,
-            positions=tuple(map(there, one.positions)),
-            orientations=tuple(map(turned, one.orientations)),
-        )
-
-    return bare(
-        scenario,
-        bodies=tuple(map(body, scenario.bodies)),
-        trackers=tuple(map(tracker, scenario.trackers)),
-        body_joints=tuple(
-            replace(j, anchor=there(j.anchor), axis=there(j.axis)) for j in scenario.body_joints
-        ),
-        gravity=there(scenario.gravity),
-    )
+    changes: Changes = {
+        **dict.fromkeys(("position", "linear_velocity", "angular_velocity"), there),
+        **dict.fromkeys(("anchor", "axis", "gravity"), there),
+        "orientation": turned,
+        "positions": each(there),
+        "orientations": each(turned),
+        **dict.fromkeys(("pieces", "joints"), tuple),
+    }
+    bodies = tuple(one if one.kind in TRACKED else mapped(one, changes) for one in scenario.bodies)
+    found: Scenario = mapped(bare(scenario), changes, bodies=bodies)
+    return found
 
 
 def heavier(scenario: Scenario, factor: float) -> Scenario:
     """Scene with all masses, inertias and couplings times `factor`: nothing else moves."""
-    bodies = tuple(
-        replace(one, mass=one.mass * factor, inertia=_times(one.inertia, factor)) for one in scenario.bodies
-    )
-    trackers = tuple(
-        one
-        if scenario.prescribes(one)
-        else replace(one, stiffness=one.stiffness * factor, damping=one.damping * factor)
-        for one in scenario.trackers
-    )
-    body_joints = tuple(_forced(one, factor) for one in scenario.body_joints)
-    return bare(scenario, bodies=bodies, trackers=trackers, body_joints=body_joints)
 
+    def times(value: float) -> float:
+        return value * factor
 
-def _forced(joint: BodyJoint, factor: float) -> BodyJoint:
-    """Joint whose forces are `factor` times as large."""
-    most = joint.largest_force
-    return replace(
-        joint,
-        stiffness=joint.stiffness * factor,
-        damping=joint.damping * factor,
-        largest_force=most * factor if most < UNBOUNDED else most,
-    )
+    coupling: Changes = dict.fromkeys(("stiffness", "damping"), times)
+    changes: Changes = coupling | {
+        "mass": times,
+        "inertia": lambda inertia: _times(inertia, factor),
+        "largest_force": lambda most: times(most) if most < UNBOUNDED else most,
+        "trackers": each(lambda one: one if scenario.prescribes(one) else mapped(one, coupling)),
+    }
+    found: Scenario = mapped(bare(scenario), changes)
+    return found
 
 
 def rescaled(scenario: Scenario, times: float) -> Scenario:
