@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import acos, cos, pi, radians, sin, sqrt
 
 from touchstone.scenarios.difficulty.checks import Case, Checks, Wall
@@ -11,6 +10,7 @@ from touchstone.scenarios.families.hard_mass import resting
 from touchstone.scenarios.orientations import about_y
 from touchstone.scenarios.scenario import Arc, Body, Quaternion, Truth, Vector, vector
 from touchstone.scenarios.solids import ball, block, slab
+from touchstone.scenarios.transforms import mapped
 
 RADIUS = 0.05
 
@@ -151,9 +151,5 @@ def far_away(level: float) -> Case:
     def there(place: Vector) -> Vector:
         return (place[0] + level, place[1], place[2])
 
-    bodies = tuple(replace(body, position=there(body.position)) for body in case.bodies)
-    truths = tuple(
-        replace(truth, arcs=tuple(replace(arc, position=there(arc.position)) for arc in truth.arcs))
-        for truth in case.truths
-    )
-    return replace(case, bodies=bodies, truths=truths)
+    found: Case = mapped(case, {"position": there, "pieces": tuple, "checks": lambda checks: checks})
+    return found

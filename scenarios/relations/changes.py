@@ -171,15 +171,8 @@ def with_hulls(scenario: Scenario) -> Scenario:
     def hull(shape: Shape) -> Shape:
         return Hull(box_corners(shape.half_extents)) if isinstance(shape, Box) else shape
 
-    return bare(
-        scenario,
-        bodies=tuple(
-            one
-            if one.kind == "fixed"
-            else replace(one, pieces=tuple(replace(p, shape=hull(p.shape)) for p in one.pieces))
-            for one in scenario.bodies
-        ),
-    )
+    bodies = tuple(one if one.kind == "fixed" else mapped(one, {"shape": hull}) for one in scenario.bodies)
+    return bare(scenario, bodies=bodies)
 
 
 def with_stranger(scenario: Scenario) -> Scenario:
