@@ -1,7 +1,5 @@
 """Divergence checks of a run: finite values, bounded energy, and positions within the plan's bounds."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.adapters.contract import LARGEST_STATE, STATE_FIELDS, Array, State

@@ -1,7 +1,5 @@
 """What adapters of engines share about joints between bodies: parents, start rates, servos, loops."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ factors for all its materials at once. Few materials occur in one scene, so most
 are solved per scene and body. Otherwise `Unsupported` names the coefficient and the pairs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import inf
 

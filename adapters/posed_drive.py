@@ -13,8 +13,6 @@ the velocity of the surface in contacts, and is put back at every step. It pushe
 the surface does not move along its own plane.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -4,8 +4,6 @@ Engines are declared by entry points of the group `touchstone.engines`, ours too
 well, so that a source tree that is not installed has them, and no other package replaces one of them.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import shlex

@@ -15,8 +15,6 @@ torque and the torques of hinges are computed at a step's start and held over it
 is pressed, and diverge where a body is light for its gains.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

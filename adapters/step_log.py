@@ -4,8 +4,6 @@ A step leaves copies of its contacts, of the state at its end and of what its dr
 microseconds per call on a few numbers, so a block of steps costs little more than a single one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

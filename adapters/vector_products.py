@@ -1,7 +1,5 @@
 """Row-wise vector products and rotations, fast enough for every native step."""
 
-from __future__ import annotations
-
 from math import atan2, sin, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joints between bodies: their faults, and the spanning trees of the mechanisms that they form."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import get_args, get_type_hints

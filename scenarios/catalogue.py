@@ -4,8 +4,6 @@ Hard scenes (`difficulty/`, tag `hard`) are built only where one is asked for by
 and `tagged` know them, `catalogue` does not hold them.
 """
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 import traceback

@@ -5,8 +5,6 @@ Coulomb's law on a prescribed body; Weltner (1979), *Stable circular orbits of f
 discs*, for the turntable.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count, pairwise, takewhile

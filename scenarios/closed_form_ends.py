@@ -1,7 +1,5 @@
 """Closed-form final positions of simulated bodies, for any start near the scene's own."""
 
-from __future__ import annotations
-
 from math import sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The effects of a simulation: what needs each, and which stage of the reference it switches."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Bounding boxes of shapes: how far a turned shape reaches along the axes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.scenarios.arrays import Array

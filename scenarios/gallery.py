@@ -5,8 +5,6 @@ z = 0. Bodies that are not convex (tables, frames, the ring, the partition with 
 convex pieces; sculptures have hundreds of triangles each. All bodies are fixed and of one material.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import cos, pi, sin
 from typing import Any

@@ -4,8 +4,6 @@ The surface is the triangles of a grid, and what is below them down to `bottom` 
 fields of MuJoCo: every engine plays it as convex pieces.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf, isfinite

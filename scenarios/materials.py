@@ -1,7 +1,5 @@
 """Restitution and friction per pair of materials (Schmidl & Lin 2004, table 1)."""
 
-from __future__ import annotations
-
 from touchstone.scenarios.scenario import PairCoefficients
 
 TABLE_1: tuple[PairCoefficients, ...] = (

@@ -1,7 +1,5 @@
 """Names that a user typed: the valid one, or an error that lists the valid ones."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Orientations of bodies, and directions on slopes."""
 
-from __future__ import annotations
-
 from math import cos, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bodies that start in the same place."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ The plan omits an effect only if it cannot change the outcome while the bounds h
 (`Plan.broken`). `adapters/motion_bounds.py` computes the bounds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Values of a scene that are valid and yet no body has: grams, millimetres and percent show here."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from touchstone.scenarios.files.mass_properties import volume

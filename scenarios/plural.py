@@ -1,7 +1,5 @@
 """Numbers of things in messages."""
 
-from __future__ import annotations
-
 IRREGULAR = {"vertex": "vertices"}
 ENDINGS = ("s", "x", "sh", "ch")
 """Ends of words whose plural ends in `es`."""

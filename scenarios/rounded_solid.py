@@ -1,8 +1,6 @@
 """Mass properties of rounded hulls, exact by parts: the core, a prism on each face, a wedge of a cylinder on
 each edge, and a sector of a ball at each corner (Steiner's decomposition of a parallel body)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import pi, sin
 

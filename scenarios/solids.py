@@ -1,7 +1,5 @@
 """Uniform solids: mass properties, bodies of one solid, and vertices of elliptic hulls."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product

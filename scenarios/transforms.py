@@ -6,8 +6,6 @@ Conventions: the mirror is x -> -x, M = diag(-1, 1, 1). Vectors become M v, rota
 velocities (pseudovectors) -M w. Hinge angles do not change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any

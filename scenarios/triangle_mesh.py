@@ -4,8 +4,6 @@ The surface of the pieces is that of the mesh: neighbours share their edges, and
 through another triangle. What is deeper than the tetrahedra is hollow.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass

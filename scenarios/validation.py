@@ -1,7 +1,5 @@
 """Validation of a scenario: all its faults, each with the path of the field."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement, pairwise

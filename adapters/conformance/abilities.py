@@ -1,7 +1,5 @@
 """What engines can represent: per ability a scene of the catalogue, which an engine builds or refuses."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from touchstone.adapters.contract import DRIVES, Settings

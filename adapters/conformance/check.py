@@ -1,7 +1,5 @@
 """`check`: all checks of an engine, each with a time limit, in a child process."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Checks of contacts: bodies, normal, distance, place, impulse, and the laws that they follow."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Checks of manifests: masses, mass centres, inertias, coefficients, names and the step."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checks of states: the start, frames of reference, the step, gravity, repetition, and driven bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from math import inf

@@ -1,8 +1,6 @@
 """Scenes in which an adapter's conventions show: who is A, what is a half extent, where velocities are
 taken."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, sin
 

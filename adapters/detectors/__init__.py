@@ -5,8 +5,6 @@ unit normal points from A to B. NaN means that a detector reports no contact. Sh
 the engine before a query is timed; what an engine repeats inside its own call counts.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import shlex

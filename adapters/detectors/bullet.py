@@ -5,8 +5,6 @@ have a margin of 1 mm, that of rounded ones is their radius. pybullet prints its
 child's output is redirected.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any

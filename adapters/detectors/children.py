@@ -6,8 +6,6 @@ frame), `time` (passes), `answers`. The first failing command ends the child; `f
 reason.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple

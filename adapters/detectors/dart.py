@@ -5,8 +5,6 @@ overlap. Hulls are triangle meshes, as in `engines/dart/model.py`: shells withou
 precision.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

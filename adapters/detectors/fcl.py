@@ -4,8 +4,6 @@ Conventions: a contact's normal points from the first object to the second; dept
 call uses a new result, because python-fcl's results have no `clear`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from typing import Any

@@ -4,8 +4,6 @@ Conventions: `fromto` leads from a point on geom 1 to one on geom 2, against the
 is negative in overlap. Hulls are stored in single precision.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import mujoco

@@ -4,8 +4,6 @@ An engine is registered under the entry-point group `touchstone.engines`, ours a
 entry point names an `Entry`, or a class that meets `Engine` in `adapters/contract.py`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal

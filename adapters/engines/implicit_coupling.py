@@ -11,8 +11,6 @@ the two factors z = exp(lambda h) of the closed form: m' = h^2 K / ((1 - z_1) (1
 D = m' (1 - z_1 z_2) / h. At rest the force is K y whatever the step.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

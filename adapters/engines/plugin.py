@@ -4,8 +4,6 @@ The module of a plug-in may raise, hang or crash when it is imported. It is ther
 processes only.
 """
 
-from __future__ import annotations
-
 import difflib
 import importlib
 import importlib.util

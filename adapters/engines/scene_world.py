@@ -1,7 +1,5 @@
 """What the worlds of engines share: drives, posed bodies, coefficients of pairs, and the manifest."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

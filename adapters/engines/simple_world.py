@@ -1,7 +1,5 @@
 """World of simulated and fixed bodies, kept in NumPy arrays: the base of small engines of your own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

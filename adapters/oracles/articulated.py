@@ -5,8 +5,6 @@ ours are along the world axes. Its hinge has a placement and rotates about an ax
 is given in the parent's.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

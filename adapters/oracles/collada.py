@@ -1,7 +1,5 @@
 """Collada meshes and STL as text as OBJ, which MuJoCo reads: by Coal's loader, in m."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -3,8 +3,6 @@ convex depth. A ball is its centre, a capsule its segment, a rounded shape its c
 difference of shapes without corners is the hull of ever more of its points; over a half-space, a piece's
 lowest point tells."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from itertools import product
 from math import inf

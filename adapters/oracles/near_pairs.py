@@ -1,7 +1,5 @@
 """Pairs of pieces whose bounding boxes overlap, for many frames at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

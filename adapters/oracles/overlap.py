@@ -4,8 +4,6 @@ Conventions as in `contract.py`: distances are negative in overlap, normals poin
 apart than `MARGIN` are not candidates, unless their bodies are requested by name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache

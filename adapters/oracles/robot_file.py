@@ -6,8 +6,6 @@ its axis w and moment v = p x w about the root's origin (Pluecker coordinates), 
 describes it; a slider has w = 0, and its axis as v.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 """Couplings of joints in a robot's file, `mimic` of URDF and `joint` below `equality` of MJCF, both as MuJoCo
 reads them: joints of a simulated robot that follow others linearly, and a start that obeys them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple

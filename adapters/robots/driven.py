@@ -1,8 +1,6 @@
 """Driven bodies of an imported robot: joints, chains, the tracker that holds the start posture, and the
 floor."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace

@@ -4,8 +4,6 @@ MuJoCo takes no restitution, and one friction per geom: the larger of two holds.
 the start posture and position servos. Meshes are inside the file; cones and rounded shapes are meshes.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What both export formats share: meshes of hulls, numbers with all digits, and the trees of a scene."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 

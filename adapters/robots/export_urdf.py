@@ -5,8 +5,6 @@ and two spheres, a hull a mesh with its own corners, a half-space a slab, the ot
 restitution and moving surfaces have no standard element and are left out.
 """
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 

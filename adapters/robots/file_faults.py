@@ -1,7 +1,5 @@
 """Faults in a robot's file, before MuJoCo reads it: masses that no body has, joints that make no tree."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from difflib import get_close_matches
 from math import isfinite

@@ -3,8 +3,6 @@
 Files give a sensor or the base a mass without moments, or moments that no body has: what moves is their sum.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

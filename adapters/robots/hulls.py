@@ -1,7 +1,5 @@
 """Convex hulls of meshes, with few corners, and how far they are from the shape."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a scene does not keep of a robot, named."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet

@@ -1,7 +1,5 @@
 """Body of a scene from a link: its pieces and its mass."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.adapters.robots.driven import named_once

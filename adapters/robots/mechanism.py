@@ -1,8 +1,6 @@
 """A robot as simulated bodies that joints connect, under gravity: on a free root, on a fixed base, or on the
 world."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations

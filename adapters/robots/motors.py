@@ -5,8 +5,6 @@ MuJoCo's actuator exerts gear (gain u + b_0 + b_1 gear q + b_2 gear q') on a joi
 damper and a constant force, which a target of the spring or a target rate of the damper represents exactly.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Pieces of a scene from the colliding geometry of a compiled robot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

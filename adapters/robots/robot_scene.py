@@ -6,8 +6,6 @@ still, a fixed one. Joints of a driven root are replaced by the tracker's pose. 
 one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A robot's file as a compiled MuJoCo model: what a scene cannot represent is refused by name before."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Scripts and lines of settings of any engine, written in a child process: an engine may print or crash."""
 
-from __future__ import annotations
-
 import importlib
 import subprocess
 import sys

@@ -4,8 +4,6 @@ Each engine writes `Parts` (`script.py` beside its adapter); the text is the sam
 settings are taken from what the adapter has set: a line to paste does what the recording shows.
 """
 
-from __future__ import annotations
-
 import ast
 import base64
 import textwrap

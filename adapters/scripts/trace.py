@@ -5,8 +5,6 @@ the engine are followed by proxies, numbers are kept as they are. What only read
 unless a later call uses its result.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field

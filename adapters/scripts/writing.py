@@ -1,7 +1,5 @@
 """Traces as Python text: statements that repeat with other numbers become a loop over these numbers."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ this program by a path file. Child processes run on the same interpreter and put
 their path, so that only the engine differs.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import os

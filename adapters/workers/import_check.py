@@ -1,7 +1,5 @@
 """Import test of the engines, one child process each, so that a crash or a hang affects one engine only."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Child processes that end with their parent, even when it is killed while an engine hangs."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

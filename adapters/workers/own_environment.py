@@ -5,8 +5,6 @@ packages there first and all others, numpy and scipy too, among those of this pr
 interpreter. Its folder is named by a hash of the pins and of the interpreter, and is complete or absent.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import sys

@@ -1,7 +1,5 @@
 """Calls of pip that install into folders of the user's cache, and why they fail in one line."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

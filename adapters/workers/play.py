@@ -8,8 +8,6 @@ Each engine plays in its own child process, so a crash or a hang affects one ent
 that failed keeps its recording up to the failure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

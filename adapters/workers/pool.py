@@ -4,8 +4,6 @@ All parallel play that is not timed runs here. Timed play takes turns: runs have
 profile (`children.py`), other tasks an `EngineProcess` per engine.
 """
 
-from __future__ import annotations
-
 import gc
 import queue
 import threading

@@ -4,8 +4,6 @@ A crash, a hang or an exception in the child gives a failure with its reason; it
 child's standard output and error, including those of native code, go to a file.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

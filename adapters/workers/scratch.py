@@ -1,8 +1,6 @@
 """Temporary folders with a lock. The system frees it when a process dies, so that folders of dead processes
 are found and removed."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import shutil

@@ -12,8 +12,6 @@ Drillis and Contini's proportions after Winter, "Biomechanics and Motor Control 
 combined motions, which are ours. Widths and depths are those of a medium adult, rounded to centimetres.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache

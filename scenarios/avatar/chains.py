@@ -1,7 +1,5 @@
 """Chains and their ball joints: hinge axes, limits, and validation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from math import pi
 

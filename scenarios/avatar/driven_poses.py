@@ -1,7 +1,5 @@
 """Initial world poses of the pieces of driven bodies."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

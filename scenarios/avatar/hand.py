@@ -5,8 +5,6 @@ The palm frame has x along the fingers, y to the thumb, z out of the back of the
 a medium adult hand, rounded to millimetres.
 """
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 from touchstone.scenarios.scenario import Body, Hull, Joint, Piece, Quaternion, Vector

@@ -5,8 +5,6 @@ measures pressing: neither needs the reference. Conventions as in `scenario.py`:
 at the hinge's position in the parent frame, with orientation rotation(axis, q) * the hinge's orientation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

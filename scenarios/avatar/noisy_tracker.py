@@ -5,8 +5,6 @@ each tracker by the output of a simulated device. The noise is deterministic: it
 seed.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import ceil, radians
 

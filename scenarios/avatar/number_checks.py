@@ -1,7 +1,5 @@
 """Checks of a scenario's numbers: finite, positive, of unit length."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from math import isfinite
 

@@ -4,8 +4,6 @@ Points and directions are in the torso's frame with axes x forward, y left, z up
 time. Angles are arrays by hinge name, one entry per time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from math import pi, radians

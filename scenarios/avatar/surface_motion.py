@@ -1,7 +1,5 @@
 """Motion of surfaces relative to their bodies: conveyor belts, rollers and turntables that stand still."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -1,7 +1,5 @@
 """Validation of trackers: their keyframes, and what each of them drives."""
 
-from __future__ import annotations
-
 from dataclasses import MISSING, fields
 from itertools import pairwise
 

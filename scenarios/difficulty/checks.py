@@ -3,8 +3,6 @@
 Lengths in m, speeds in m/s. The tolerances belong to a family and are the same for all engines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -5,8 +5,6 @@ called `hard_<family>_<level>`, have the tag `hard`, and 30 displayed frames per
 from 1/30 s on divide a frame.
 """
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 Rigid impacts have no size: radii are ours, spins those of the sources over the ratio of radii.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import cos, inf, radians, sin
 

@@ -1,7 +1,5 @@
 """`ball_off_sphere*`: a ball slides or rolls down a fixed sphere until it leaves."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin, sqrt
 
 from touchstone.scenarios.catalogue import scene

@@ -1,7 +1,5 @@
 """`ball_snip`: a finger flicks a ball over a table; it rolls off the edge and falls (paper, figure 1)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.scenarios.avatar.hand import hand_parts

@@ -1,7 +1,5 @@
 """`balls_box`: 216 balls fall into an open box and come to rest in it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.scenarios.catalogue import scene

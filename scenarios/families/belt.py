@@ -1,7 +1,5 @@
 """Boxes on conveyor belts: they slide at mu g against the slip until they move with the belt, also uphill."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`bounce_*`: a ball is dropped and bounces: heights h e^2k, contacts t_0 (1 + 2 (e + ... + e^k))."""
 
-from __future__ import annotations
-
 from math import sqrt
 
 from touchstone.scenarios.catalogue import scene

@@ -1,7 +1,5 @@
 """`bowl` and `bowl_of_balls`: a ball rolls to and fro in a hollow of flat pieces, and over a row of balls."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, radians, sin, sqrt, tan
 

@@ -1,7 +1,5 @@
 """`coin_*`: a coin of 32 edges on its rim: it spins, rolls or falls over, and never gains energy."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import cos, pi, sin
 

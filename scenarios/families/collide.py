@@ -4,8 +4,6 @@ The normal force exerts no torque on a ball, and the tangential impulse acts on 
 Newton's and Coulomb's laws decouple: j_n = (1 + e) m_eff v_n, j_t = min(mu j_n, 2/7 m_eff v_t).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import sqrt
 

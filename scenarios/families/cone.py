@@ -1,7 +1,5 @@
 """Cones on half-spaces: they roll on their side about their apex, stand on their base, and slide."""
 
-from __future__ import annotations
-
 from math import atan, atan2, cos, pi, radians, sin, tan
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cylinders that roll on their side and on their rim, slide and stand on their cap, in exact contact."""
 
-from __future__ import annotations
-
 from math import atan, pi, radians, sin
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Dominoes fall one after the other: none leaves the line or gains energy, and their wave has a speed."""
 
-from __future__ import annotations
-
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import IDENTITY, Body, Expectation, PairCoefficients, Scenario, Vector
 from touchstone.scenarios.solids import block, slab

@@ -1,7 +1,5 @@
 """Ellipsoids that roll without slip on a level floor: to and fro, in space, and in a steady circle."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import radians
 

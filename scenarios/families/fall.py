@@ -1,7 +1,5 @@
 """`fall`: a ball falls from rest; p = p_0 + g t^2 / 2."""
 
-from __future__ import annotations
-
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import GRAVITY, Arc, PairCoefficients, Scenario, Truth
 from touchstone.scenarios.solids import ball

@@ -7,8 +7,6 @@ length c takes c m g from its spin. A block on a slope starts at the angle of st
 accelerates by that of sliding.
 """
 
-from __future__ import annotations
-
 from math import cos, radians, sin
 
 import numpy as np

@@ -3,8 +3,6 @@
 Neither has a closed form: their values are laws of continua, known as well as their sources agree.
 """
 
-from __future__ import annotations
-
 from math import exp, sin
 
 import numpy as np

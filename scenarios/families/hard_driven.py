@@ -1,7 +1,5 @@
 """Hard trackers and arms: slots, jumps, jitter, lost samples, stiff couplings, stretched and limited arms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi
 from typing import Any

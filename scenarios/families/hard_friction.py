@@ -1,7 +1,5 @@
 """Hard friction: slopes that just hold and just slip, and boxes that just do not tip."""
 
-from __future__ import annotations
-
 from math import atan, cos, sin
 
 from touchstone.scenarios.difficulty.checks import Case, Checks

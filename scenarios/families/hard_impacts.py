@@ -1,7 +1,5 @@
 """Hard impacts: a break of many balls, cradles, and rows of dominoes."""
 
-from __future__ import annotations
-
 from math import inf
 
 from touchstone.scenarios.difficulty.checks import Case, Checks, Region

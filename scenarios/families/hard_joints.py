@@ -1,7 +1,5 @@
 """Hard mechanisms: chains with heavy ends, long chains, and stiff servos on a foot."""
 
-from __future__ import annotations
-
 from math import sqrt
 
 from touchstone.scenarios.difficulty.checks import Case, Checks

@@ -1,7 +1,5 @@
 """Hard mass ratios: stacks, alternating stacks, collisions, and links on hinges."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi
 

@@ -1,7 +1,5 @@
 """Hard motion: fast bodies and thin plates, fast spin, slender inertia, and bounces that never end."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin, sqrt
 
 from touchstone.scenarios.difficulty.checks import Case, Checks, Wall

@@ -1,7 +1,5 @@
 """Numbers of any magnitude: masses from subnormal to 1e300 kg, gravity, and speeds."""
 
-from __future__ import annotations
-
 from touchstone.scenarios.difficulty.checks import Case, Checks
 from touchstone.scenarios.difficulty.family import family
 from touchstone.scenarios.scenario import Arc, Truth

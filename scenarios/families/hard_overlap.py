@@ -1,7 +1,5 @@
 """Scenes that start in overlap, and places where the normals of several overlaps cancel."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.scenarios.avatar.tracking import ease, keyframed

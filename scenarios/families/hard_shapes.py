@@ -1,7 +1,5 @@
 """Hard shapes: wedges, needles, plates, tiles, edges and corners, sizes and places of any magnitude."""
 
-from __future__ import annotations
-
 from math import acos, cos, pi, radians, sin, sqrt
 
 from touchstone.scenarios.difficulty.checks import Case, Checks, Wall

@@ -1,7 +1,5 @@
 """Hard structures: tall stacks, pyramids, brick walls and arches that stand, and long rest."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from touchstone.scenarios.difficulty.checks import Case, Checks

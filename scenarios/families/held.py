@@ -1,7 +1,5 @@
 """Bodies that driven plates press, hold, lift and drag: the coupling's force and friction carry them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import sqrt
 

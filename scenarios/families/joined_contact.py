@@ -1,7 +1,5 @@
 """Joined bodies in contact: a gripper, carts, a cradle on rods, a ragdoll; and a ladder."""
 
-from __future__ import annotations
-
 from math import cos, hypot, pi, radians, sin, sqrt
 from typing import Any
 

@@ -4,8 +4,6 @@
 values beside their truths.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import acosh, atan, cos, pi, radians, sin, sqrt, tan
 

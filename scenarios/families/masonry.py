@@ -4,8 +4,6 @@ A linear program decides which arch can stand (`tests/shared/equilibrium.py`): w
 stones slide outwards, and one that is too thin folds at hinges.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from math import cos, pi, sin

@@ -3,8 +3,6 @@
 Axes of plane mechanisms are along y; links lie in planes of their own so that they never meet.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

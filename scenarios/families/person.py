@@ -3,8 +3,6 @@
 The person's trackers ignore walls: they continue where the person cannot.
 """
 
-from __future__ import annotations
-
 from math import pi
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Boxes that a person holds between its hands and carries on them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

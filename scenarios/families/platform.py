@@ -1,7 +1,5 @@
 """Loads on prescribed platforms: lifted, carried along, left behind, and shaken across and along gravity."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import asin, cos, pi, sin
 

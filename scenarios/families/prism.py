@@ -1,7 +1,5 @@
 """`prism_rolls`: a prism of twelve sides tips from edge to edge down a slope."""
 
-from __future__ import annotations
-
 from math import cos, pi, radians, sin, sqrt
 
 import numpy as np

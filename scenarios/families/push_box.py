@@ -1,7 +1,5 @@
 """`push_box`: a person pushes a box over the floor with both hands and releases it."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

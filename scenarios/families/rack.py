@@ -1,7 +1,5 @@
 """`break_15`: a ball breaks a triangle of fifteen; energy, momentum and the mirror symmetry are conserved."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import sqrt
 

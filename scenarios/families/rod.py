@@ -1,7 +1,5 @@
 """`rod_*`: one end of a slanting rod hits the floor with friction; the rod must not gain energy."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from math import cos, sin
 

@@ -1,8 +1,6 @@
 """Balls on a table: some slide until they roll (5/7 v_0 after 2 v_0 / (7 mu g)), others roll from the
 start."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, radians, sin
 

@@ -1,7 +1,5 @@
 """`shot_*`: a ball hits a thin plate perpendicularly and returns with e times its speed."""
 
-from __future__ import annotations
-
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import Arc, PairCoefficients, Scenario, Truth, Vector
 from touchstone.scenarios.solids import ball, block

@@ -1,7 +1,5 @@
 """`slap_*`: a flat hand moves straight down onto a table, faster than a frame can follow."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.scenarios.avatar.hand import hand_parts

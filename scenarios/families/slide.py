@@ -1,7 +1,5 @@
 """Boxes that slide: over a plane until friction stops them, and on inclines around the friction angle."""
 
-from __future__ import annotations
-
 from math import atan, cos, degrees, pi, radians, sin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`sliders*`: a block on a sliding block: the slip between them reverses before both stop."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import ceil
 

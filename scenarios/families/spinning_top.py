@@ -1,7 +1,5 @@
 """Tops on a ball-shaped tip: one precesses and nutates without slip, a tippe top turns over by sliding."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import cos, radians
 

@@ -1,7 +1,5 @@
 """`spring`: three driven bodies follow a tracker that holds, moves and holds again (Eq. 6)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.scenarios.avatar.tracking import keyframed

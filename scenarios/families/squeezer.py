@@ -4,8 +4,6 @@ Lengths are ten times, masses a hundred times and times a hundred times those of
 tenth and torques the same. Its x and y are our x and z, its angles turn from x to z.
 """
 
-from __future__ import annotations
-
 from math import cos, hypot, sin
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`stack`: five stacked boxes do not move."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

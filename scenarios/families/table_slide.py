@@ -1,7 +1,5 @@
 """`table_slide`: a hand moves through the gallery, slides over a table and back, and plays with a ball."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from touchstone.scenarios.avatar.hand import hand_parts

@@ -1,7 +1,5 @@
 """Terrain of triangles: height fields and meshes that are planes move nothing otherwise than planes do."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from math import atan, cos, sin, tan

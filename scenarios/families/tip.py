@@ -1,7 +1,5 @@
 """Boxes on inclines that stand or tip: at tan(slope) = w / h the weight passes over the lower edge."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import radians
 

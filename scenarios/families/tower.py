@@ -1,7 +1,5 @@
 """Towers of equal cubes, aligned or not, and a light cube under a heavy one: none moves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

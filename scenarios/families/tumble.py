@@ -1,7 +1,5 @@
 """`tumble_*`: a free box rotates about its stable and about its unstable axis (Euler's top)."""
 
-from __future__ import annotations
-
 from touchstone.scenarios.catalogue import scene
 from touchstone.scenarios.scenario import PairCoefficients, Scenario, Truth, Vector
 from touchstone.scenarios.solids import block

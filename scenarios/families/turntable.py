@@ -1,7 +1,5 @@
 """`turntable`: a ball on a turning plate, whose centre circles at 2/7 of the plate's rate."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

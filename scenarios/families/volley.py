@@ -1,8 +1,6 @@
 """`volley`: a person's arm hits thrown balls and slides along a wall: inverse kinematics together with
 movable bodies."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Centre of mass and inertia of a body in a file that states a mass only: a uniform solid of its pieces."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Triangle meshes in files of their own: OBJ, whose polygons become fans, and STL as text or binary [m]."""
 
-from __future__ import annotations
-
 import re
 from itertools import pairwise
 from pathlib import Path

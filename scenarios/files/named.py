@@ -1,7 +1,5 @@
 """Scenes by name: of the catalogue, of a file, or of a file NAME.toml or NAME.json in the working folder."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pairs of convex shapes from a file: JSON or TOML with an array `pairs`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 The file is executed in a process of its own, which it may end: its scenes come back pickled.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """Scenes read from a file: TOML, JSON, or Python with functions marked `@scene`."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Files that a scene or a model names: read only from its own folder, unless the user allows others."""
 
-from __future__ import annotations
-
 import errno
 import json
 import stat

@@ -4,8 +4,6 @@ A file has the fields of `Scenario`. Beyond those, a shape has a `type`, a body 
 (`mass_properties.py`), and a tracker may name a `file` (`tracker_file.py`).
 """
 
-from __future__ import annotations
-
 import difflib
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """Line numbers of the values in a TOML or JSON text that its parser has accepted."""
 
-from __future__ import annotations
-
 import json
 import re
 

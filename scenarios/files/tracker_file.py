@@ -5,8 +5,6 @@ CSV: a header `time,x,y,z,qw,qx,qy,qz`, then the names of the tracker's joints, 
 `angle` (k, j) [rad], in the order of the tracker's joints; `angle` may be absent if there are none.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes written as TOML or JSON; reading them back gives an equal scenario, to the bit."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import MISSING, fields, is_dataclass

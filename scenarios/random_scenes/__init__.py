@@ -6,8 +6,6 @@ Nothing is tuned to any engine. `touchstone study robustness` plays these scenes
 truth: energy, momentum, overlap, finiteness.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random convex bodies, and the support functions that place them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import cos, pi, sin
 

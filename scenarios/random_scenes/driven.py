@@ -1,8 +1,6 @@
 """Random scenes in which drivers hold, drag, lift, shake and sweep through bodies, belts that carry them, and
 persons who jump."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from math import log10, pi

@@ -1,7 +1,5 @@
 """Random scenes of bodies that move farther per frame than their thickness: shots at plates, slaps."""
 
-from __future__ import annotations
-
 from math import log10, pi
 
 import numpy as np

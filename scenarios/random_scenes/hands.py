@@ -1,7 +1,5 @@
 """Driven hand or box that presses loose bodies down or pushes them sideways."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import pi
 

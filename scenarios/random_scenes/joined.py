@@ -1,7 +1,5 @@
 """Random mechanisms in contact: trees of bodies that joints connect, with free bodies around them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random scenes whose bodies fall, wedge, spin, slide, fly or are pressed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import atan2, cos, pi, sin
 

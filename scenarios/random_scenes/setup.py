@@ -1,7 +1,5 @@
 """Shared parts of the random scenes: their record, ranges of sizes, and random draws."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi

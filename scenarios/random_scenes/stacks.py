@@ -1,7 +1,5 @@
 """Random scenes whose bodies stand on, bridge or lean on each other."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -4,8 +4,6 @@
 the original only.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

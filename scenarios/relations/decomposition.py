@@ -1,7 +1,5 @@
 """Scenes whose boxes and hulls are cut in two: the bodies, their masses and their surfaces stay the same."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

@@ -5,8 +5,6 @@ after `scale`^(1/2) as much time and `wait` frames. Body-fixed points change by 
 the mirror image and 1 otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

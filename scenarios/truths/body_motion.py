@@ -1,7 +1,5 @@
 """The motion of one body at several times."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from touchstone.scenarios.arrays import Array

@@ -1,7 +1,5 @@
 """Validation of the truths of contact forces."""
 
-from __future__ import annotations
-
 from touchstone.scenarios.avatar.number_checks import Report, finite, positive
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.truths.force_truth import QUANTITIES

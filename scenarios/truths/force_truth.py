@@ -1,7 +1,5 @@
 """The truth of a contact force."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import ceil, floor
 from typing import Literal

@@ -13,8 +13,6 @@ that stops the slip, or opposes what is left of it; `Poisson` and `Stronge` foll
 impulse (Routh) and expand it by e of the impulse, or e^2 of the work, of compression.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import combinations, product
 

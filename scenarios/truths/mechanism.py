@@ -14,8 +14,6 @@ Sources: Udwadia and Kalaba (1992), *A new perspective on constrained motion*; B
 (1993), *Solving Ordinary Differential Equations I*, for DOP853.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Body pairs by the names of their bodies."""
 
-from __future__ import annotations
-
 from touchstone.scenarios.scenario import Scenario
 
 

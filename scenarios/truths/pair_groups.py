@@ -1,7 +1,5 @@
 """Pairs of bodies with equal facts as few groups: 1,000 equal bodies have 499,500 pairs, and one group."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import TypeVar
 

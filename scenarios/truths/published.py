@@ -1,7 +1,5 @@
 """A value that others published of a scene, and its measure on the motion of an engine or a closed form."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args

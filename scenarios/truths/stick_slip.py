@@ -9,8 +9,6 @@ until its speed is V again, at w t = 2 pi - 2 atan(A w / V), and sticks. (Den Ha
 Vibrations*, section 7.)
 """
 
-from __future__ import annotations
-
 from math import atan, hypot, pi, sqrt
 
 import numpy as np

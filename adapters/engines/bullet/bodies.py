@@ -1,7 +1,5 @@
 """The bodies of a scenario in a Bullet client: multibodies of convex pieces, and which of them collide."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, product

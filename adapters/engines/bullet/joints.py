@@ -1,7 +1,5 @@
 """Joints between bodies in Bullet: one multibody a mechanism, constraints that close loops, and motors."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What Bullet reports of a world: mass properties, coefficients, limits and settings, read back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Bullet scripts: the calls of pybullet that the adapter makes, as a plain program."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version

@@ -1,7 +1,5 @@
 """Bullet's solver settings, and records of createMultiBody's arguments."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Joints between bodies in DART: one skeleton a mechanism, constraints that close loops, forces of motors."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import dartpy

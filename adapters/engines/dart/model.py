@@ -21,8 +21,6 @@ explode with Bullet's are stable with it (issue 867), and it is faster than FCL 
 overlaps by 2e-8 m with it, and by 3.4 mm with Bullet's.
 """
 
-from __future__ import annotations
-
 import tempfile
 from functools import lru_cache
 from pathlib import Path

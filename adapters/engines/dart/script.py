@@ -1,7 +1,5 @@
 """DART scripts: the calls of dartpy that the adapter makes, as a plain program."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Iterator

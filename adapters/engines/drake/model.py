@@ -1,7 +1,5 @@
 """A scenario as a Drake plant: bodies, geometries, friction, collision filters, hinges and their servos."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Drake scripts: the plant that the adapter builds, as a plain program."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 
 import numpy as np

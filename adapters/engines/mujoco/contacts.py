@@ -20,8 +20,6 @@ In `accurate` the impedance does not depend on depth, so the spring is linear. F
 would throw a sliding body off the ground.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from itertools import combinations
 from math import acos, acosh, cos, cosh, exp, hypot, log, pi, sqrt, tan, tanh

@@ -1,7 +1,5 @@
 """Joints between bodies in a MuJoCo spec: nested bodies, and equality constraints that close loops."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

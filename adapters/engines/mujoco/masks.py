@@ -11,8 +11,6 @@ remaining groups share their coefficients, and it imposes these. If there is non
 deviating geom pairs is next, and those pairs become explicit.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass

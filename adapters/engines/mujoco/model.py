@@ -1,8 +1,6 @@
 """Translation of a scenario to a MuJoCo spec: options, bodies, joints and pieces; for contacts see
 `contacts.py`."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any

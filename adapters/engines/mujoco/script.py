@@ -4,8 +4,6 @@
 settings are `<compiler>`, `<option>` and `<default>`.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any

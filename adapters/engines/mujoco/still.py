@@ -4,8 +4,6 @@ Bodies are posed as recorded; nothing is simulated. Fixed bodies between the cam
 left out.
 """
 
-from __future__ import annotations
-
 import os
 from typing import Any, NamedTuple
 

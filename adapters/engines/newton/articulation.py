@@ -1,8 +1,6 @@
 """Driven bodies with hinges as Newton's articulations, whose joint drives are the servos. Links have no
 gravity, joints neither friction nor armature."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import newton

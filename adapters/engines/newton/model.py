@@ -1,7 +1,5 @@
 """A scenario as a Newton model: bodies, shapes, friction and restitution per shape."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any

@@ -1,8 +1,6 @@
 """Driven bodies with hinges as PhysX's articulations, whose joint drives are the servos: implicit springs and
 dampers, solved with the contacts. Links have no gravity; joints have neither friction nor armature."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import combinations
 from typing import Any

@@ -1,7 +1,5 @@
 """A scenario in SAPIEN's Scene on a PhysxCpuSystem: entities with bodies, collision shapes, materials."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A scenario in Rapier's PhysicsWorld: bodies, colliders, their coefficients, integration parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

@@ -1,8 +1,6 @@
 """Driven bodies with hinges as Rapier's multibodies, in reduced coordinates; motors of their joints are the
 servos, implicit springs and dampers in each substep. Rapier does not report their torques."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any

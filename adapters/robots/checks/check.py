@@ -1,7 +1,5 @@
 """All checks of a robot's file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Limits and drives of a robot's hinges and slides that do nothing, or less than they must."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import inf, pi
 from typing import Any

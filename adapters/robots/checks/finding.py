@@ -1,7 +1,5 @@
 """A finding about a robot, in one line."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

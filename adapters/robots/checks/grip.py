@@ -1,7 +1,5 @@
 """Grippers: two links on one parent whose joints close them on each other, and what their drives hold."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, product

@@ -1,7 +1,5 @@
 """Mass, centre and inertia of each link beside those of a uniform solid of its shapes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot in a posture: poses, pieces in the world, gravity's load on its joints, levers of its links."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Shapes of a robot: hulls that fill hollows, and links that overlap where the robot starts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import combinations
 from typing import Any
