@@ -7,7 +7,7 @@ from typing import get_args, get_type_hints
 import numpy as np
 
 from touchstone.scenarios.arrays import Array
-from touchstone.scenarios.avatar.number_checks import LONGEST, Report, finite, unit
+from touchstone.scenarios.avatar.number_checks import LONGEST, Report, finite, known, unit
 from touchstone.scenarios.scenario import ORIGIN, UNBOUNDED, Body, BodyJoint, Scenario, vector
 
 WORLD = ""
@@ -190,13 +190,12 @@ def check_body_joints(scenario: Scenario, report: Report) -> None:
     bodies, sound = {body.name: body for body in scenario.bodies}, set[str]()
     for i, joint in enumerate(scenario.body_joints):
         path = f"body_joints[{i}]"
-        if joint.type not in TYPES:
-            report(f"{path}.type", f"unknown type {joint.type!r}; valid: {', '.join(TYPES)}")
-        known = _check_bodies(joint, bodies, path, report)
+        known("type", joint.type, TYPES, f"{path}.type", report)
+        joined = _check_bodies(joint, bodies, path, report)
         numbers = finite(joint.anchor, f"{path}.anchor", report, 3, LONGEST)
         numbers &= unit(joint.axis, f"{path}.axis", report, 3)
         numbers &= _check_forces(joint, path, report)
-        if known and numbers:
+        if joined and numbers:
             _check_start(joint, bodies.get(joint.parent), bodies[joint.child], path, report)
             sound.add(joint.name)
     for i, joint in enumerate(scenario.body_joints):
@@ -204,23 +203,22 @@ def check_body_joints(scenario: Scenario, report: Report) -> None:
 
 
 def _check_bodies(joint: BodyJoint, bodies: dict[str, Body], path: str, report: Report) -> bool:
-    known = True
+    sound = True
     for field, valid in (("parent", ("simulated", "fixed", "prescribed")), ("child", ("simulated",))):
         name = getattr(joint, field)
         if field == "parent" and name == WORLD:
             continue
-        if name not in bodies:
-            report(f"{path}.{field}", f"unknown body {name!r}; valid: {', '.join(bodies)}")
-            known = False
+        if not known("body", name, bodies, f"{path}.{field}", report):
+            sound = False
         elif bodies[name].kind not in valid:
             report(
                 f"{path}.{field}", f"{name!r} is {bodies[name].kind}, expected a {' or '.join(valid)} body"
             )
-            known = False
+            sound = False
     if joint.parent == joint.child:
         report(f"{path}.child", f"{joint.child!r} is joined to itself")
-        known = False
-    return known
+        sound = False
+    return sound
 
 
 def _check_forces(joint: BodyJoint, path: str, report: Report) -> bool:

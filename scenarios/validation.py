@@ -19,6 +19,7 @@ from touchstone.scenarios.avatar.number_checks import (
     Report,
     finite,
     finite_rows,
+    known,
     positive,
     sizes,
     unit,
@@ -132,9 +133,7 @@ def _check_numbers(scenario: Scenario, report: Report) -> None:
     if frames > 0 and not (0.5 < frames < MOST_FRAMES and abs(frames - round(frames)) <= WHOLE):
         report("duration", f"found {frames:g} frames, expected a whole number from 1 to {MOST_FRAMES - 1}")
     for i, effect in enumerate(scenario.effects):
-        if effect not in EFFECTS:
-            report(f"effects[{i}]", f"unknown effect {effect!r}; valid: {', '.join(EFFECTS)}")
-        elif effect in scenario.effects[:i]:
+        if known("effect", effect, EFFECTS, f"effects[{i}]", report) and effect in scenario.effects[:i]:
             report(f"effects[{i}]", f"{effect!r} is named twice")
 
 
@@ -288,9 +287,7 @@ def _check_joints(scenario: Scenario, report: Report) -> None:
         path = f"joints[{i}]"
         for field in ("parent", "child"):
             name = getattr(joint, field)
-            if name not in names:
-                report(f"{path}.{field}", f"unknown body {name!r}; valid: {', '.join(names)}")
-            elif names[name].kind != "driven":
+            if known("body", name, names, f"{path}.{field}", report) and names[name].kind != "driven":
                 report(f"{path}.{field}", f"{name!r} is {names[name].kind}, expected a driven body")
         if joint.parent == joint.child:
             report(f"{path}.child", f"{joint.child!r} is its own parent")
@@ -339,12 +336,9 @@ def _check_expectations(scenario: Scenario, report: Report) -> None:
     names = [body.name for body in scenario.bodies]
     for i, expectation in enumerate(scenario.expectations):
         path = f"expectations[{i}]"
-        if expectation.event not in EVENTS:
-            report(f"{path}.event", f"unknown event {expectation.event!r}; valid: {', '.join(EVENTS)}")
+        known("event", expectation.event, EVENTS, f"{path}.event", report)
         for field in ("body", "other"):
-            name = getattr(expectation, field)
-            if name not in names:
-                report(f"{path}.{field}", f"unknown body {name!r}; valid: {', '.join(names)}")
+            known("body", getattr(expectation, field), names, f"{path}.{field}", report)
         if expectation.body == expectation.other:
             report(f"{path}.other", f"{expectation.other!r} is the body itself")
         if not 0 <= expectation.earliest < expectation.latest <= scenario.duration:

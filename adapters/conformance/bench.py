@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.adapters.contract import (
+    STATE_FIELDS,
     AdapterError,
     Array,
     Engine,
@@ -20,8 +21,6 @@ from touchstone.adapters.contract import (
     World,
 )
 from touchstone.scenarios.scenario import Scenario
-
-READ = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,7 @@ class Snapshot:
 
     def equals(self, other: Snapshot) -> bool:
         """Whether both are equal to the bit."""
-        same = all(np.array_equal(getattr(self, f), getattr(other, f)) for f in READ)
+        same = all(np.array_equal(getattr(self, f), getattr(other, f)) for f in STATE_FIELDS)
         return same and np.array_equal(self.contacts["impulse"], other.contacts["impulse"])
 
 
@@ -89,7 +88,7 @@ class Bench:
         """The state as the world writes it into new arrays; raises ContractError if it replaces them."""
         state = State(scenario)
         for _ in range(reads):
-            arrays = {name: getattr(state, name) for name in (*READ, "contacts")}
+            arrays = {name: getattr(state, name) for name in (*STATE_FIELDS, "contacts")}
             shapes = {name: array.shape for name, array in arrays.items()}
             state.clear_contacts()
             world.read(state)
@@ -101,7 +100,7 @@ class Bench:
                     raise ContractError(f"`read` replaces state.{name} {wrong}; {write}")
                 if found is not array:
                     raise ContractError(f"`read` replaces state.{name}; {write}")
-        copies = {name: getattr(state, name).copy() for name in READ}
+        copies = {name: getattr(state, name).copy() for name in STATE_FIELDS}
         return Snapshot(**copies, contacts=state.contacts[: state.contact_count].copy())
 
     def manifest(self, scenario: Scenario) -> Manifest:

@@ -7,6 +7,7 @@ the start posture and position servos. Meshes are inside the file; cones and rou
 import xml.etree.ElementTree as ET
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.robots.export_parts import children_of, numbers, pretty
 from touchstone.scenarios.scenario import (
@@ -72,7 +73,7 @@ class _Writer:
         own = ET.SubElement(above, "body", name=body.name, pos=numbers(place), quat=numbers(turn))
         if joint is not None:
             limits = {"limited": "true", "range": numbers((joint.lower, joint.upper))}
-            axis = _turned_back(joint.axis, joint.orientation)
+            axis = Rotation.from_quat(joint.orientation, scalar_first=True).inv().apply(joint.axis)
             ET.SubElement(
                 own, "joint", {"name": joint.name, "type": "hinge", "axis": numbers(axis), **limits}
             )
@@ -145,10 +146,3 @@ def _add_servos(scenario: Scenario, root: ET.Element) -> None:
     for tracker in scenario.trackers:
         for name in tracker.joints:
             ET.SubElement(servos, "position", name=name, joint=name, kp="100", dampratio="1")
-
-
-def _turned_back(axis: Vector, orientation: Quaternion) -> Vector:
-    from scipy.spatial.transform import Rotation
-
-    x, y, z = Rotation.from_quat(orientation, scalar_first=True).inv().apply(axis).tolist()
-    return (x, y, z)

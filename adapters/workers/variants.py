@@ -15,7 +15,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from touchstone.adapters.contract import AdapterError, Array, Engine, Settings, State, World
+from touchstone.adapters.contract import STATE_FIELDS, AdapterError, Array, Engine, Settings, State, World
 from touchstone.adapters.divergence import Watch
 from touchstone.adapters.motion_bounds import bounds, planned
 from touchstone.adapters.recorder import frame_seconds, ready, warm_up
@@ -26,8 +26,6 @@ PLANS = 3
 """Number of timed plannings of a scene, after one that is not timed."""
 BLOCK = 32
 """Frames that a timed variant plays before the other's turn: caches hold its code after the first few."""
-FIELDS = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
-"""State fields that are compared bitwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +169,8 @@ class _Run:
         if self._ended or other._ended:
             return
         mine, theirs = self.state, other.state
-        self._same = self._same and all(np.array_equal(getattr(mine, f), getattr(theirs, f)) for f in FIELDS)
+        equal = (np.array_equal(getattr(mine, f), getattr(theirs, f)) for f in STATE_FIELDS)
+        self._same = self._same and all(equal)
         moved = np.linalg.norm(mine.position - theirs.position, axis=1).max()
         dot = np.abs((mine.orientation * theirs.orientation).sum(axis=1))
         away = np.minimum(

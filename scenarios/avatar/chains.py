@@ -1,15 +1,14 @@
 """Chains and their ball joints: hinge axes, limits, and validation."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import pi
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.arrays import Array
+from touchstone.scenarios.avatar.number_checks import Report, known
 from touchstone.scenarios.scenario import ORIGIN, Chain, Joint, ReachCone, Scenario
-
-Report = Callable[[str, str], None]
 
 TOLERANCE = 1e-9
 """Tolerance of unit lengths and right angles of directions [1]: rounding."""
@@ -71,9 +70,7 @@ def check_chains(scenario: Scenario, report: Report) -> None:
         if not chain.name or chain.name in [other.name for other in scenario.chains[:i]]:
             report(f"{path}.name", f"found {chain.name!r}, expected a name of its own")
         for k, name in enumerate(chain.joints):
-            if name not in joints:
-                report(f"{path}.joints[{k}]", f"unknown joint {name!r}; valid: {', '.join(joints)}")
-            elif name in taken:
+            if known("joint", name, joints, f"{path}.joints[{k}]", report) and name in taken:
                 report(f"{path}.joints[{k}]", f"{name!r} is in {taken[name]} already")
             taken.setdefault(name, path)
         if not chain.joints:

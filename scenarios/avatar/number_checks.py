@@ -1,6 +1,6 @@
-"""Checks of a scenario's numbers: finite, positive, of unit length."""
+"""Checks of a scenario's numbers, which are finite, positive or of unit length, and of names in it."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from math import isfinite
 
 import numpy as np
@@ -85,3 +85,10 @@ def unit(values: tuple[float, ...], path: str, report: Report, width: int) -> bo
         report(path, f"found length {length:.12g}, expected 1{such}")
         return False
     return True
+
+
+def known(kind: str, name: str, valid: Collection[str], path: str, report: Report) -> bool:
+    """Report a name that is not valid; whether it is."""
+    if name not in valid:
+        report(path, f"unknown {kind} {name!r}; valid: {', '.join(valid)}")
+    return name in valid

@@ -1,6 +1,6 @@
 """Validation of the truths of contact forces."""
 
-from touchstone.scenarios.avatar.number_checks import Report, finite, positive
+from touchstone.scenarios.avatar.number_checks import Report, finite, known, positive
 from touchstone.scenarios.scenario import Scenario
 from touchstone.scenarios.truths.force_truth import QUANTITIES
 from touchstone.scenarios.truths.named_pairs import named_pairs
@@ -15,13 +15,11 @@ def check_forces(scenario: Scenario, report: Report, sound: bool) -> None:
     names = [body.name for body in scenario.bodies]
     for i, truth in enumerate(scenario.forces):
         path = f"forces[{i}]"
-        if truth.quantity not in QUANTITIES:
-            report(f"{path}.quantity", f"unknown quantity {truth.quantity!r}; valid: {', '.join(QUANTITIES)}")
+        known("quantity", truth.quantity, QUANTITIES, f"{path}.quantity", report)
         positive([truth.value], f"{path}.value", report)
-        unknown = [field for field in ("body", "other") if getattr(truth, field) not in names]
-        for field in unknown:
-            report(f"{path}.{field}", f"unknown body {getattr(truth, field)!r}; valid: {', '.join(names)}")
-        if sound and not unknown and not named_pairs(scenario, truth.body, truth.other):
+        body = known("body", truth.body, names, f"{path}.body", report)
+        other = known("body", truth.other, names, f"{path}.other", report)
+        if sound and body and other and not named_pairs(scenario, truth.body, truth.other):
             report(f"{path}.other", f"{truth.body!r} and {truth.other!r} cannot touch")
         if not finite((truth.start, truth.end), f"{path}.start", report):
             continue

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.arrays import Array
+from touchstone.scenarios.avatar.number_checks import known
 from touchstone.scenarios.truths.body_motion import Motion
 
 Vector = tuple[float, float, float]
@@ -136,11 +137,7 @@ def check_published(
     """Report faults of the published values of a scene with bodies of these names."""
     for i, one in enumerate(published):
         path = f"published[{i}]"
-        if one.quantity not in get_args(Quantity):
-            report(
-                f"{path}.quantity",
-                f"unknown quantity {one.quantity!r}; valid: {', '.join(get_args(Quantity))}",
-            )
+        known("quantity", one.quantity, get_args(Quantity), f"{path}.quantity", report)
         for field in ("body", "other"):
             name = getattr(one, field)
             if not members(name, names) and (name or field == "body"):
