@@ -69,7 +69,8 @@ def heavier(scenario: Scenario, factor: float) -> Scenario:
         return value * factor
 
     coupling: Changes = dict.fromkeys(("stiffness", "damping"), times)
-    changes: Changes = coupling | {
+    changes: Changes = {
+        **coupling,
         "mass": times,
         "inertia": lambda inertia: _times(inertia, factor),
         "largest_force": lambda most: times(most) if most < UNBOUNDED else most,

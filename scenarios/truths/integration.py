@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 from touchstone.scenarios.arrays import Array
 
-TOLERANCES = {"rtol": 1e-12, "atol": 1e-14}
-"""Of the integration [1; m, m/s, rad, rad/s]: a hundred times rounding, which a step accumulates."""
+RELATIVE_ERROR, ABSOLUTE_ERROR = 1e-12, 1e-14
+"""Tolerances [1; m, m/s, rad, rad/s]: a hundred times rounding, which a step accumulates."""
 LONGEST_STEP = 1 / 240
 """Longest step of the integration [s]: its interpolant, of order 7, is then as exact as its ends."""
 
@@ -24,9 +24,16 @@ def integrated(
     longest: float = LONGEST_STEP,
 ) -> Any:
     """scipy's solution, with its interpolant, which ends where a function of the state falls through 0."""
-    events = [_event(function) for function in falling]
     return solve_ivp(
-        rate, span, state, "DOP853", events=events, dense_output=True, max_step=longest, **TOLERANCES
+        rate,
+        span,
+        state,
+        "DOP853",
+        events=[_event(function) for function in falling],
+        dense_output=True,
+        max_step=longest,
+        rtol=RELATIVE_ERROR,
+        atol=ABSOLUTE_ERROR,
     )
 
 

@@ -26,7 +26,7 @@ from touchstone.scenarios.arrays import Array
 from touchstone.scenarios.avatar.number_checks import Report
 from touchstone.scenarios.scenario import Body, Box, Cone, HalfSpace, Scenario
 from touchstone.scenarios.truths.body_motion import Motion
-from touchstone.scenarios.truths.integration import TOLERANCES
+from touchstone.scenarios.truths.integration import ABSOLUTE_ERROR, RELATIVE_ERROR
 
 TOUCHING = 1e-9
 """Height of the apex over the plane [m], sine of the angle of the side to it [1], and deviation of velocities
@@ -106,7 +106,8 @@ class Roll:
             (0.0, self.rate),
             "DOP853",
             [*times.tolist(), end],
-            **TOLERANCES,
+            rtol=RELATIVE_ERROR,
+            atol=ABSOLUTE_ERROR,
         )
         return run.y[0, :-1], run.y[1, :-1]
 
