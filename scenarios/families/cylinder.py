@@ -132,19 +132,15 @@ DISC = (0.1, 0.01)
 """Radius and half length of a disc on its rim [m]."""
 DISC_TILT = radians(60.0)
 """Angle between its axis and the vertical [rad]."""
-PRECESSION = 2.0
-"""Angular velocity of its steady circle about the vertical [rad/s]."""
 
 
 @scene
 def rim_rolls() -> Scenario:
     """A disc with a sharp rim rolls in a circle with a steady tilt."""
     turn = Rotation.from_rotvec((0.0, DISC_TILT, 0.0))
-    axis, up = turn.apply((0.0, 0.0, 1.0)), np.array((0.0, 0.0, 1.0))
     radius, half_length = DISC
     arm = turn.apply((radius, 0.0, -half_length))
-    plain = cylinder("disc", "rubber", radius, half_length, MASS)
-    spin = PRECESSION * up + steady_spin(plain, turn, arm, PRECESSION) * axis
+    spin = steady_spin(cylinder("disc", "rubber", radius, half_length, MASS), turn, arm)
     body = cylinder(
         "disc",
         "rubber",

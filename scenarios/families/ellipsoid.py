@@ -97,23 +97,21 @@ PRECESSION = 2.0
 def disc_rolls() -> Scenario:
     """A disc that rolls in a circle with a steady tilt."""
     turn = Rotation.from_rotvec((0.0, DISC_TILT, 0.0))
-    axis, up = turn.apply((0.0, 0.0, 1.0)), np.array((0.0, 0.0, 1.0))
-    plain = ellipsoid("disc", "rubber", DISC, MASS)
-    spin = PRECESSION * up + steady_spin(plain, turn, contact_arm(DISC, turn), PRECESSION) * axis
+    spin = steady_spin(ellipsoid("disc", "rubber", DISC, MASS), turn, contact_arm(DISC, turn))
     summary = "a disc with a round rim rolls in a steady circle without slip"
     return rolling_scene("disc_rolls", summary, DISC, turn, vector(spin))
 
 
-def steady_spin(body: Body, turn: Rotation, arm: np.ndarray, precession: float) -> float:
-    """Spin about the axis [rad/s] of a body of revolution in a steady circle; `arm` leads from its centre to
-    the point that touches the floor [m].
+def steady_spin(body: Body, turn: Rotation, arm: np.ndarray) -> np.ndarray:
+    """Angular velocity [rad/s] of a body of revolution in a steady circle of PRECESSION; `arm` leads from its
+    centre to the point that touches the floor [m].
 
     The torque of the contact force about the centre, r x m (a + g z) with a = W z x v, turns the angular
     momentum at the rate W z x L. Their difference is level and linear in the spin.
     """
     inertia = turn.as_matrix() @ body.inertia @ turn.as_matrix().T
     axis = turn.apply((0.0, 0.0, 1.0))
-    circling = np.array((0.0, 0.0, precession))
+    circling = np.array((0.0, 0.0, PRECESSION))
 
     def excess(spin: float) -> float:
         w = circling + spin * axis
@@ -121,4 +119,4 @@ def steady_spin(body: Body, turn: Rotation, arm: np.ndarray, precession: float) 
         level = np.cross((0.0, 0.0, 1.0), axis)
         return float(level @ (np.cross(circling, inertia @ w) - np.cross(arm, force)))
 
-    return excess(0.0) / (excess(0.0) - excess(1.0))
+    return circling + excess(0.0) / (excess(0.0) - excess(1.0)) * axis
