@@ -69,7 +69,6 @@ STATISTICS: dict[str, Statistic] = {
 }
 """Suffix of the metric -> statistic; the first over the frames with a contact, the others over all frames."""
 RATIOS = tuple(f"{RATIO}{suffix}" for suffix in STATISTICS)
-"""Metrics of ratios of frame times."""
 
 
 def restart_ratio(

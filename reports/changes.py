@@ -137,14 +137,9 @@ def differences(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
             "largest": apart.fillna(0.0).groupby(level="metric").max(),
         }
     ).reset_index()
-    found["tolerance"] = [_tolerance(value) for value in found.largest]
+    rounded = [ceil(round(100 * MARGIN * value, 6)) / 100 for value in found.largest]
+    found["tolerance"] = [one if one < 1 else inf for one in rounded]  # inf covers any difference
     return found[list(HEADS)]
-
-
-def _tolerance(largest: float) -> float:
-    """MARGIN times the largest difference, rounded up; inf where that covers any difference."""
-    found = ceil(round(100 * MARGIN * largest, 6)) / 100
-    return found if found < 1 else inf
 
 
 def _joined(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -210,7 +205,6 @@ RANK = {
     "fail": 3,
     "error": 4,
 }
-"""How bad a verdict is."""
 FAILED = RANK["fail"]
 TIMED = ("time.", "ratio.time")
 """Starts of the names of metrics that a clock measures."""
@@ -219,7 +213,6 @@ ABSENT = (MISSING, UNIMPORTABLE)
 """Verdicts of runs that did not take place."""
 KINDS = ("worse", "gone", "changed", "better", "new")
 FAILING = ("worse", "gone")
-"""Kinds that count as failures."""
 SHOWN = ["kind", *KEY, "a", "b", "unit", "verdict_a", "verdict_b", "reason"]
 ROW, VERDICT, VALUE = "row", "verdict", "value"
 """What changed: one side lacks the row, the verdict is another, or the value."""
@@ -308,7 +301,10 @@ def changes(
     Raises:
         RunError: under `by_profile`, a table has several columns of one scene, engine and profile.
     """
-    reasons = _absent(b)
+    gone = b[b.verdict.isin(ABSENT)].to_dict("records")
+    reasons = {
+        _column(tuple(row[name] for name in RUN)): f"{row['verdict']}: {row['reason']}" for row in gone
+    }
     a, b = _keyed(a, by_profile), _keyed(b, by_profile)
     both = a.merge(b, how="outer", on=KEY, suffixes=("_a", "_b"), indicator=True)
     runs_a, runs_b = (set(frame[RUN].itertuples(index=False, name=None)) for frame in (a, b))
@@ -360,19 +356,12 @@ def _keyed(frame: pd.DataFrame, by_profile: bool) -> pd.DataFrame:
 
 
 def _bare(label: str) -> str:
-    """The profile of a label, without what was changed in it."""
     return label.partition(", ")[0]
 
 
 def _column(run: tuple[Any, ...]) -> tuple[Any, ...]:
     """Study, scene, engine and profile of a run."""
     return (*run[:3], _bare(run[3]))
-
-
-def _absent(frame: pd.DataFrame) -> dict[tuple[Any, ...], str]:
-    """Why runs did not take place, by study, scene, engine and profile."""
-    rows = frame[frame.verdict.isin(ABSENT)].to_dict("records")
-    return {_column(tuple(row[name] for name in RUN)): f"{row['verdict']}: {row['reason']}" for row in rows}
 
 
 def _one_sided(run: tuple[Any, ...], kind: str, reason: str) -> dict[str, Any]:

@@ -195,7 +195,6 @@ COLORS = {
     "prescribed": [0.6, 0.5, 0.75, 1.0],
     "simulated": [0.0, 0.45, 0.7, 1.0],
 }
-"""Colour of a body by its kind, linear RGBA."""
 
 
 class _Buffer:
@@ -282,7 +281,12 @@ def glb(recording: Recording, scenario: Scenario) -> bytes:
     if channels:
         name = f"{scenario.name}, {recording.facts['engine']} {recording.facts['profile']}"
         document["animations"] = [{"name": name, "channels": channels, "samplers": samplers}]
-    return _file(json.dumps(document, allow_nan=False).encode(), bytes(buffer.data))
+    text, data = json.dumps(document, allow_nan=False).encode(), bytes(buffer.data)
+    text += b" " * (-len(text) % 4)
+    data += b"\0" * (-len(data) % 4)
+    chunks = struct.pack("<II", len(text), JSON_CHUNK) + text
+    chunks += struct.pack("<II", len(data), BINARY_CHUNK) + data
+    return struct.pack("<III", MAGIC, VERSION, 12 + len(chunks)) + chunks
 
 
 def continuous(quaternions: Array) -> Array:
@@ -296,12 +300,3 @@ def _rotations(orientation: Array) -> Array:
     """Continuous quaternions (f, 4) of length 1 as xyzw."""
     found = continuous(orientation)[:, [1, 2, 3, 0]]
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
-
-
-def _file(text: bytes, data: bytes) -> bytes:
-    text += b" " * (-len(text) % 4)
-    data += b"\0" * (-len(data) % 4)
-    chunks = (
-        struct.pack("<II", len(text), JSON_CHUNK) + text + struct.pack("<II", len(data), BINARY_CHUNK) + data
-    )
-    return struct.pack("<III", MAGIC, VERSION, 12 + len(chunks)) + chunks

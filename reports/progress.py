@@ -96,9 +96,3 @@ def lines(by_scene: bool = False) -> Iterator[Progress]:
 
 def quietly(label: str, frames: int) -> None:
     """No progress."""
-
-
-@contextmanager
-def silence() -> Iterator[Progress]:
-    """The same, for as long as a command runs."""
-    yield quietly

@@ -36,7 +36,6 @@ MARKERS = (
     "engine(name, ...): engines of touchstone, or module:Class, that the fixture `engine` has, one test each",
 )
 CACHE = "touchstone"
-"""Folder of recordings in pytest's cache."""
 COUNTS = pytest.StashKey[tuple[int, int]]()
 """Runs of a session that were played, and that were kept from earlier sessions."""
 SUITE = Path(__file__).with_name("assertions") / "suite.py"

@@ -25,7 +25,6 @@ from touchstone.scenarios.scenario import Scenario
 LARGEST = 10**9
 """Size of a cache that is kept [bytes]; beyond, what was not used for the longest time goes first."""
 RECORDING, REFUSAL = ".npz", ".txt"
-"""Suffixes of a recording and of the reason why an engine refuses a scene."""
 
 
 class PlayCache:

@@ -10,7 +10,6 @@ BENCHES = {
     "frame": "compiled frames of all scenes: time of every engine over every other",
     "scaling": "exponents: broad phase, balls at rest, vertices of hulls",
 }
-"""Name -> measured quantity."""
 
 
 def load(name: str) -> Any:

@@ -50,7 +50,6 @@ BUDGET = 5.0
 SLOW = 20.0
 """A column that takes this many times as long as the fastest one of its scene is started once [1]."""
 OURS, THEIRS = ("balanced", "paper", EQUAL_PROFILE), (MACHINE_PROFILE, EQUAL_PROFILE)
-"""Profiles of the reference, and of the engines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +160,6 @@ def _slow(key: Key, takes: Mapping[Key, Take]) -> bool:
 STUDY = "bench frame"
 RESTARTS = 5
 ALSO = ("slide", "stack", "balls_box", "dominoes")
-"""Scenes beside the gallery."""
 OVERLAP = "overlap.max"
 
 
@@ -304,7 +302,6 @@ def _ratios(scenario: str, rows: Rows) -> Part:
 
 
 def _judged(frame: pd.DataFrame) -> Part:
-    """One row per ratio with a limit."""
     lines: list[list[str | Text]] = []
     for row in rows_of(frame[frame.metric.str.startswith(RATIO) & (frame.verdict != "")]):
         statistic = WORDS[row.metric.removeprefix(RATIO)]

@@ -22,7 +22,6 @@ from touchstone.adapters.contract import Array
 from touchstone.adapters.detectors import DETECTORS, REFERENCE, UNCONVERGED, Pair, load
 from touchstone.adapters.detectors import load as load_detector
 from touchstone.adapters.detectors.children import Loader
-from touchstone.adapters.oracles.minkowski import signed_distance
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
@@ -36,7 +35,6 @@ from touchstone.reports.studies.narrow_phase.study import (
     facts_of,
     parted_pair,
     random_box,
-    size_of,
     with_median,
     with_ratio,
 )
@@ -66,32 +64,13 @@ def _gap(rng: np.random.Generator) -> Callable[[float], float]:
     return lambda depth: gap
 
 
-def hulls_overlapping(rng: np.random.Generator) -> Pair:
-    """Two elliptic hulls of 80 triangles, overlapping by 2 to 50 % of their depth."""
-    return parted_pair(rng, elliptic(rng), elliptic(rng), _overlap(rng))
-
-
-def hulls_apart(rng: np.random.Generator) -> Pair:
-    """Two elliptic hulls, 1 mm to 1 m apart."""
-    return parted_pair(rng, elliptic(rng), elliptic(rng), _gap(rng))
-
-
-def boxes_overlapping(rng: np.random.Generator) -> Pair:
-    """Two boxes, overlapping as the hulls do."""
-    return parted_pair(rng, random_box(rng), random_box(rng), _overlap(rng))
-
-
-def small_and_large(rng: np.random.Generator) -> Pair:
-    """A hull and one a hundredth of its size, with the same relative overlaps."""
-    return parted_pair(rng, elliptic(rng), elliptic(rng, SMALL), _overlap(rng))
-
-
 FAMILIES: dict[str, Callable[[np.random.Generator], Pair]] = {
-    "hulls overlapping": hulls_overlapping,
-    "hulls apart": hulls_apart,
-    "boxes overlapping": boxes_overlapping,
-    "small and large": small_and_large,
+    "hulls overlapping": lambda rng: parted_pair(rng, elliptic(rng), elliptic(rng), _overlap(rng)),
+    "hulls apart": lambda rng: parted_pair(rng, elliptic(rng), elliptic(rng), _gap(rng)),
+    "boxes overlapping": lambda rng: parted_pair(rng, random_box(rng), random_box(rng), _overlap(rng)),
+    "small and large": lambda rng: parted_pair(rng, elliptic(rng), elliptic(rng, SMALL), _overlap(rng)),
 }
+"""Elliptic hulls of 80 triangles, or boxes, that overlap by DEPTHS or are GAPS apart; one of them SMALL."""
 
 STEP = 1e-3
 """The hand's displacement per frame [m]: 6 cm/s."""
@@ -211,30 +190,21 @@ def report(frame: pd.DataFrame) -> list[Part]:
                 lines.append(["" if k else family, detector, *cells, limit_text(ratio)])
         parts.append(Part(f"bench geometry: {name} over other detectors", HEADS, lines, words=2))
     for family, name in dict.fromkeys((row[0], row[1]) for row in rows if row[2] == "certificate.open"):
-        unsure, wrong = (
-            rows[family, name, metric, ""] for metric in ("certificate.open", "certificate.false")
-        )
-        share, count = (
-            f"{100 * unsure.value:.3g} % ({unsure.verdict})",
-            f"{wrong.value:.0f} ({wrong.verdict})",
-        )
-        source = "from the frame before" if name != REFERENCE else ""
-        line = f"{family}: {name}: {share} of the answers not proved {source}".rstrip()
-        line += f"; {count} proved and wrong"
-        certificates.append(line)
+        unsure, wrong = (rows[family, name, f"certificate.{kind}", ""] for kind in ("open", "false"))
+        share = f"{100 * unsure.value:.3g} % ({unsure.verdict})"
+        source = " from the frame before" if name != REFERENCE else ""
+        line = f"{family}: {name}: {share} of the answers not proved{source}; "
+        certificates.append(line + f"{wrong.value:.0f} ({wrong.verdict}) proved and wrong")
     return [*parts, Part(lines=certificates), remarks(frame, NOTES)]
 
 
 def _times(rows: dict[tuple[str, str, str, str], Row], family: str, detector: str) -> list[str]:
-    query, net, error = (
-        rows.get((family, detector, metric, "")) for metric in ("time.query", "time.net", "depth.error.max")
-    )
-    return [value_text(query, MICRO), value_text(net, MICRO), value_text(error)]
+    shown = (("time.query", MICRO), ("time.net", MICRO), ("depth.error.max", 1.0))
+    return [value_text(rows.get((family, detector, metric, "")), factor) for metric, factor in shown]
 
 
 STUDY = "bench geometry"
 WARM = ("reference.walk", "coal.warm")
-"""Detectors that start from the answer of the previous frame."""
 COLD = ("reference.exact", "coal", "coal.tight", "python-fcl.distance", "mujoco")
 SUBJECTS = (*COLD, *WARM)
 """Timed detectors; those of the reference are compared with the others, cold with cold and warm with warm."""
@@ -290,11 +260,8 @@ def queries(amount: Amount) -> tuple[PairTruth, list[Stretch]]:
     motion = hand_slide(amount.frames)
     stretches.append(Stretch(len(pairs), len(pairs) + amount.frames * len(motion[0]), len(motion[0])))
     pairs += [pair for frame in motion for pair in frame]
-    names = (*FAMILIES, MOTION)
-    family = np.concatenate([np.full(s.end - s.first, name) for name, s in zip(names, stretches)])
-    found = [signed_distance(corners(a), corners(b)) for a, b in pairs]
-    distance, normal = (np.array(column) for column in zip(*found))
-    return PairTruth(pairs, family, np.array([size_of(p) for p in pairs]), distance, normal), stretches
+    family = [name for name, s in zip((*FAMILIES, MOTION), stretches) for _ in range(s.first, s.end)]
+    return PairTruth.of(pairs, family), stretches
 
 
 def rows_of_bench(truth: PairTruth, measured: Mapping[str, Answered]) -> list[Row]:

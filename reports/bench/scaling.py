@@ -49,7 +49,6 @@ from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Sc
 from touchstone.scenarios.solids import sphere_inertia
 
 BROAD_PHASE, BALLS, VERTICES = "broad phase", "balls at rest", "hull vertices"
-"""Names of the curves."""
 WARM_UP = 5
 """Frames of each size that are discarded."""
 SPACING, RADIUS, MASS = 0.2, 0.05, 0.3

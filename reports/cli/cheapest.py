@@ -99,9 +99,7 @@ def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
 
 
 PLAYS, QUICK_PLAYS = 240, 60
-"""Settings that are tried."""
 TIMINGS, QUICK_TIMINGS = 3, 2
-"""Rounds of timing at the end."""
 
 
 def tune(

@@ -222,6 +222,5 @@ def install(engines: Iterable[str]) -> None:
 
 
 def _named(name: str) -> OwnEnvironment:
-    """Environment of an engine; an unknown name exits with one line."""
     found = {one.engine: one for one in environments()}
     return found[options.known("environment", name, found)]

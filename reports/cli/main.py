@@ -62,20 +62,14 @@ for command in COMMANDS:
 
 
 Listing = StrEnum("Listing", "scenarios tags engines metrics profiles settings failings")
-"""Arguments of `list`."""
 
 
 def main() -> None:
     """Entry point: every expected failure ends in one line on standard error."""
     if bad := [word for word in sys.argv[1:] if not word.isprintable()]:
-        sys.exit(_refused(bad[0]))
+        # they would break the lines of messages
+        options.stop(f"found {bad[0]!r}, expected printable characters")
     guarded(lambda: app(prog_name="touchstone", standalone_mode=False))
-
-
-def _refused(word: str) -> int:
-    """Exit code for an argument with control characters, which would break the lines of messages."""
-    print(f"touchstone: found {word!r}, expected printable characters", file=sys.stderr)
-    return options.BAD_INPUT
 
 
 def _version(wanted: bool) -> None:
@@ -198,7 +192,6 @@ def run(
     lacking = without_figures(request.metrics, results)
     if not options.printed(results.frame, output) and not quiet and not lacking:
         from touchstone.reports.views.findings import losses_part, published_part
-        from touchstone.reports.views.render import console, print_parts
         from touchstone.reports.views.terminal import budget_parts, first_screen, report
 
         if in_full:
@@ -206,8 +199,8 @@ def run(
             parts += budget_parts(results.recordings)
         else:
             parts = first_screen(results.frame, request.out)
-        print_parts([*parts, published_part(results.frame, request.scenarios)], console())
-        print(f"results: {request.out}")
+        parts += [published_part(results.frame, request.scenarios)]
+        options.show(parts, f"results: {request.out}")
     if quiet:
         options.tell_failures(results.frame, bool(engine))
     for line in results.faults:
@@ -222,7 +215,6 @@ def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[
 
     Results come first: if standard output is closed or full, `broken` gets the error and no more is printed.
     """
-    from touchstone.reports.views.render import console, print_parts
     from touchstone.reports.views.terminal import scene_parts
 
     def show(frame: pd.DataFrame) -> None:
@@ -230,7 +222,7 @@ def _show_at_once(progress: Progress, broken: list[BaseException]) -> Callable[[
             return
         try:
             with stepping_aside(progress):
-                print_parts(scene_parts(frame), console())
+                options.show(scene_parts(frame))
                 sys.stdout.flush()
         except (OSError, SystemExit) as error:  # rich turns a closed pipe into an exit
             broken.append(error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from contextvars import ContextVar
 from enum import StrEnum
 from io import StringIO
@@ -28,7 +28,6 @@ written, unjudged results and a missing engine: 3 or 4 means that nothing else w
 
 
 Format = StrEnum("Format", "table json csv")
-"""Formats of human and machine output."""
 FormatOption = Annotated[Format, typer.Option("--format", help="Of what goes to standard output.")]
 QuietOption = Annotated[
     bool, typer.Option("--quiet", help="No progress and no table; failures are still printed.")
@@ -198,14 +197,20 @@ def changes_for(columns: Iterable[tuple[str, str]], wanted: Iterable[str]) -> tu
 
 def step_for(text: str, scenarios: Iterable[Scenario]) -> float:
     """A step such as 1/240; it must divide the frame of every scene."""
+    from fractions import Fraction
+
     from touchstone.adapters.recorder import substeps
 
+    shown = " ".join(text.split())
     try:
-        value = step_of(text)
+        value = float(Fraction(text if text.isascii() and "_" not in text else ""))
+    except (ValueError, ZeroDivisionError, OverflowError):
+        stop(f"--dt {shown}: expected a step in seconds, such as 1/240 or 0.005")
+    try:
         for scenario in scenarios:
             substeps(scenario, value)
     except (ValueError, ZeroDivisionError, OverflowError) as error:
-        stop(f"--dt {' '.join(text.split())}: {error}")
+        stop(f"--dt {shown}: {error}")
     return value
 
 
@@ -230,6 +235,15 @@ def printed(frame: pd.DataFrame, output: Format) -> bool:
     return output is not Format.table
 
 
+def show(parts: Iterable[Part], *lines: str) -> None:
+    """Print the parts of a report, and lines below them."""
+    from touchstone.reports.views.render import console, print_parts
+
+    print_parts(parts, console())
+    for line in lines:
+        print(line)
+
+
 def version() -> str:
     """Version of the program."""
     from touchstone.adapters.engines.reference import ENTRY
@@ -239,7 +253,6 @@ def version() -> str:
 
 
 FOLDERS = count(1)
-"""Numbers of the folders that this process has named."""
 
 
 def folder_of_now(prefix: str = "") -> Path:
@@ -299,10 +312,10 @@ def tell_failures(frame: pd.DataFrame, by_name: bool = False) -> None:
 
 def progress_for(total: int, quiet: bool, by_scene: bool = False):  # type: ignore[no-untyped-def]
     """Progress on standard error over a total of steps; off a terminal one line per scene or per task."""
-    from touchstone.reports.progress import bar, lines, silence
+    from touchstone.reports.progress import bar, lines, quietly
 
     if quiet:
-        return silence()
+        return nullcontext(quietly)
     return bar(total) if sys.stderr.isatty() else lines(by_scene)
 
 
@@ -348,20 +361,7 @@ def ended(
 ) -> None:
     """Print the measurements, and exit with the code of their verdicts (`exit_for`)."""
     if not printed(frame, output) and not quiet:
-        from touchstone.reports.views.render import console, print_parts
-
-        print_parts(report(frame), console())
-        print(f"results: {folder}")
+        show(report(frame), f"results: {folder}")
     if quiet:
         tell_failures(frame, by_name)
     exit_for(frame.verdict, by_name)
-
-
-def step_of(text: str) -> float:
-    """A step such as 1/240 or 0.005 [s]; raises ValueError, which says so."""
-    from fractions import Fraction
-
-    try:
-        return float(Fraction(text if text.isascii() and "_" not in text else ""))
-    except (ValueError, ZeroDivisionError, OverflowError) as error:
-        raise ValueError("expected a step in seconds, such as 1/240 or 0.005") from error

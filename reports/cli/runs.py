@@ -25,7 +25,6 @@ PLACE = ("scenario", "engine", "profile", "metric", "subject")
 
 
 Matching = StrEnum("Matching", "exact profile")
-"""Columns that are compared."""
 
 
 def compare(
@@ -82,12 +81,9 @@ def compare(
     failing = ["worse"] if allow_gone else FAILING
     with options.output_to(out):
         if not options.printed(found[SHOWN], output) and not quiet:
-            from touchstone.reports.views.render import console, print_parts
-
             shown = found if every else found[found.kind.isin([*FAILING, "better"])]
-            print_parts(report(shown), console())
             listed = ", ".join(f"{count} {kind}" for kind, count in counts.items())
-            print(f"{len(one)} and {plural(len(two), 'row')}: {listed}")
+            options.show(report(shown), f"{len(one)} and {plural(len(two), 'row')}: {listed}")
     for row in found[found.kind.isin(failing)].to_dict("records") if quiet else ():
         place = " ".join(filter(None, (row[name] for name in PLACE)))
         print(f"{row['kind']}: {place}: {row['reason']}", file=sys.stderr)
@@ -181,7 +177,6 @@ def tolerances(
 
 
 def _shown(row: Mapping[Hashable, Any]) -> dict[str, object]:
-    """A row with its shares in per cent."""
     texts = {
         name: f"{100 * row[name]:.3g} %" if isfinite(row[name]) else "not judged"
         for name in ("median", "largest", "tolerance")
@@ -315,10 +310,8 @@ def versions(
         )
     if not options.printed(found.frame, output) and not quiet:
         from touchstone.reports.studies.versions import report
-        from touchstone.reports.views.render import console, print_parts
 
-        print_parts(report(found), console())
-        print(f"results: {folder}")
+        options.show(report(found), f"results: {folder}")
     worse = found.figures[found.figures.kind.isin(FAILING)]
     if quiet:
         for row in worse.to_dict("records"):

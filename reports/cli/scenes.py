@@ -135,11 +135,9 @@ def schema(out: options.PrintedOutOption = None) -> None:
 
 
 ExportFormat = StrEnum("ExportFormat", "mjcf urdf toml json glb csv parquet")
-"""Formats of scenes, then of recordings."""
 OF_RECORDINGS = (ExportFormat.glb, ExportFormat.csv, ExportFormat.parquet)
 RECORDING = ".npz"
 ExportTable = StrEnum("ExportTable", "bodies joints contacts")
-"""Tables of a recording."""
 
 
 def export(

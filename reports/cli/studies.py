@@ -130,7 +130,6 @@ def narrow_phase(
 
 
 def _pairs_of(path: Path) -> list[GivenPair]:
-    """The pairs of a file; a wrong one exits with one line."""
     from touchstone.scenarios.files.pair_file import read_pairs
     from touchstone.scenarios.files.read import SceneFileError
 

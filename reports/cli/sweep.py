@@ -6,14 +6,12 @@ import os
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from touchstone.reports.cli import options
-
-if TYPE_CHECKING:
-    from touchstone.scenarios.scenario import Scenario
+from touchstone.reports.cli.studies import scenes_named
 
 
 def sweep(
@@ -53,19 +51,26 @@ def sweep(
     from touchstone.reports.runner.store import StoreError
     from touchstone.reports.runner.sweep import ClusterError, DaskPool, PartError, part_of, sweep_timed
     from touchstone.reports.runner.sweep import sweep as run_sweep
+    from touchstone.scenarios.catalogue import tagged, tags
 
     if slurm_script is not None:
         options.require_new(slurm_script, "--slurm-script")
-    scenarios = scenes_for(scenario or [], tag)
+    scenarios = scenes_named(scenario or ()) or list(tagged(options.known("tag", tag, tags())))
     columns = options.columns_for(engine, profile, DEFAULT_PROFILES)
     names = [one.name for one in scenarios]
     for option, given in (("--dask", dask), ("--slurm-script", slurm_script), ("--part", part)):
         if timing and given:
             options.stop(f"--timing {option}: times are measured on this machine, one cell at a time")
-    steps, seeds = steps_for(dt, scenarios), seeds_for(seed)
+    parts = filter(None, map(str.strip, dt.split(",")))
+    steps = list(dict.fromkeys(options.step_for(one, scenarios) for one in parts))
+    seeds = [one.strip() for one in seed.split(",")]
+    for one in seeds:
+        if not (one.isascii() and one.isdecimal()):
+            options.stop(f"--seed {' '.join(seed.split())}: found {one!r}, expected numbers such as 0,1,2")
+    numbers = list(dict.fromkeys(map(int, seeds)))
     once = 1 if timing else repeats
     try:
-        cells = grid(names, columns, steps=steps, changes=change or [], seeds=seeds, repeats=once)
+        cells = grid(names, columns, steps=steps, changes=change or [], seeds=numbers, repeats=once)
     except SettingError as error:
         options.stop(f"--set {error}")
     if slurm_script is not None:
@@ -81,11 +86,9 @@ def sweep(
         else:
             frame = run_sweep(cells, out, jobs=jobs, executor=executor, progress=progress)
     if not options.printed(frame, output) and not quiet:
-        from touchstone.reports.views.render import console, print_parts
         from touchstone.reports.views.sweep_table import report
 
-        print_parts(report(frame), console())
-        print(f"store: {out}")
+        options.show(report(frame), f"store: {out}")
     runs = frame[frame.metric == "run"]
     if quiet:
         options.tell_failures(runs, bool(engine))
@@ -112,30 +115,6 @@ def without(arguments: list[str], *dropped: str) -> list[str]:
             continue
         left.append(argument)
     return left
-
-
-def scenes_for(names: list[str], tag: str) -> list[Scenario]:
-    """The named scenes, or all with the tag; a wrong name exits with one line."""
-    from touchstone.scenarios.catalogue import catalogue, tagged, tags
-
-    if names:
-        return [catalogue()[options.known("scenario", name, catalogue())] for name in dict.fromkeys(names)]
-    return list(tagged(options.known("tag", tag, tags())))
-
-
-def seeds_for(text: str) -> list[int]:
-    """Seeds of "0,1,2"; anything but numbers from 0 on exits with one line."""
-    found = [part.strip() for part in text.split(",")]
-    for part in found:
-        if not (part.isascii() and part.isdecimal()):
-            options.stop(f"--seed {' '.join(text.split())}: found {part!r}, expected numbers such as 0,1,2")
-    return list(dict.fromkeys(map(int, found)))
-
-
-def steps_for(text: str, scenarios: list[Scenario]) -> list[float]:
-    """Steps [s] of "1/60,1/240"; each must divide the frame of every scene."""
-    parts = filter(None, map(str.strip, text.split(",")))
-    return list(dict.fromkeys(options.step_for(part, scenarios) for part in parts))
 
 
 MOST_MINUTES = 100_000.0

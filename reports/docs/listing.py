@@ -16,7 +16,6 @@ from touchstone.reports.machine import package_version
 from touchstone.scenarios.scenario import UNBOUNDED, Scenario, Vector
 
 ARCS_SHOWN = 6
-"""Largest number of arcs of a closed form that are printed."""
 LAWS = {
     "torque_free": "turns freely, by elliptic functions",
     "coupling": "follows its tracker by Eq. 6, solved in closed form",
@@ -30,16 +29,16 @@ LAWS = {
 }
 
 
-def engines() -> list[tuple[str, str, str]]:
-    """(engine, version, install hint) of every engine; the hint is empty if it is installed."""
+def engine_rows() -> list[dict[str, object]]:
+    """Engines with their versions, and how to install those that are not."""
     from touchstone.adapters.registry import ENGINES, OURS, available, distribution, installed, missing_reason
 
-    rows = []
+    rows: list[dict[str, object]] = []
     for name in available():
         # The module of a plug-in that is merely declared is not imported.
         there = name not in (*ENGINES, *OURS) or installed(name)
         found = package_version(distribution(name), "-") if there else "-"
-        rows.append((name, found, "" if there else missing_reason(name)))
+        rows.append({"engine": name, "version": found, "missing": "" if there else missing_reason(name)})
     return rows
 
 
@@ -127,11 +126,6 @@ def tag_rows() -> list[dict[str, object]]:
     ]
 
 
-def engine_rows() -> list[dict[str, object]]:
-    """Engines with their versions."""
-    return [{"engine": name, "version": found, "missing": how} for name, found, how in engines()]
-
-
 def metric_rows() -> list[dict[str, object]]:
     """Metrics with units and definitions."""
     from touchstone.reports.metrics import METRICS
@@ -213,7 +207,6 @@ LISTS: dict[str, Callable[[], list[dict[str, object]]]] = {
     "settings": setting_rows,
     "failings": failing_rows,
 }
-"""Rows of each argument of `touchstone list`."""
 
 
 def effect_rows(scenario: Scenario, measured: bool = False) -> list[dict[str, object]]:

@@ -124,7 +124,6 @@ MANUALS = {
 }
 """Where an engine documents its settings; braces take the name of one."""
 SHOWN = 80
-"""Characters of a line that a table shows."""
 
 
 def settings_pages(folder: Path) -> dict[str, str]:
@@ -159,9 +158,8 @@ def _settings_page(engine: str, errors: Errors) -> str:
             }
         )
     steps = ", ".join(f"`{profile}` {1 / dt:.0f} Hz" for profile, dt in entry.profiles.items())
-    parts = [
-        NOTICE,
-        f"# Settings of {engine}",
+    return _page(
+        f"Settings of {engine}",
         f"`touchstone run --set {engine}.KEY=VALUE` plays them. Native steps of the profiles: {steps}. Lines "
         f"to paste are what the adapter sets in the scene `{SCENE}` for the value before them; `touchstone "
         f"reproduce` writes them too, and `touchstone tune SCENE --engine {engine} --position 1mm` searches "
@@ -170,8 +168,7 @@ def _settings_page(engine: str, errors: Errors) -> str:
         "the engine.",
         table_text(rows),
         *(_effect_parts(engine, errors) if errors else ()),
-    ]
-    return "\n\n".join(parts) + "\n"
+    )
 
 
 def _effect_parts(engine: str, errors: Errors) -> Iterator[str]:
@@ -207,7 +204,6 @@ def _effect_parts(engine: str, errors: Errors) -> Iterator[str]:
 
 
 def _value(setting: Setting, profile: str, engine: str) -> str:
-    """Value of a setting in a profile."""
     table = settings_of(engine)
     return f"`{setting.profiles[table.column(profile)]}`".replace("``", "by scene or step")
 
@@ -266,12 +262,10 @@ def difference(before: list[str], after: list[str]) -> list[str]:
 
 
 def _arguments(line: str) -> list[str]:
-    """Named arguments of a call."""
     return re.findall(r"\w+=[^,()]+(?=[,)])", line)
 
 
 def _elements(before: list[str], after: list[str]) -> list[str]:
-    """Elements of MJCF with the attributes that differ."""
     old, new = (ET.fromstring(f"<all>{''.join(lines)}</all>") for lines in (before, after))
     known = {(one.tag, key, value) for one in old.iter() for key, value in one.attrib.items()}
     found = []
@@ -300,16 +294,10 @@ CONSTRAINTS = Path("constraints.txt")
 def engines_page(checkout: Path) -> str:
     """The page, from the entries of the engines and the known failings."""
     entries = {name: entry_of_ours(name) for name in (*DEFAULT_ENGINES, *OPTIONAL_ENGINES)}
-    pinned = dict(
-        line.split("==")[:2]
-        for line in (checkout / CONSTRAINTS).read_text("utf-8").splitlines()
-        if "==" in line and not line.startswith("#")
-    )
+    lines = (checkout / CONSTRAINTS).read_text("utf-8").splitlines()
+    pinned = dict(line.split("==")[:2] for line in lines if "==" in line and not line.startswith("#"))
     abilities = [
-        {
-            "ability": ability,
-            **{name: "-" if ability in one.lacks else "yes" for name, one in entries.items()},
-        }
+        {"ability": ability} | {name: "-" if ability in one.lacks else "yes" for name, one in entries.items()}
         for ability in ABILITIES
     ]
     profiles = [
@@ -324,9 +312,8 @@ def engines_page(checkout: Path) -> str:
         }
         for name, one in entries.items()
     ]
-    parts = [
-        NOTICE,
-        "# Engines",
+    return _page(
+        "Engines",
         "All have spheres, boxes and Coulomb's law of friction. What an engine lacks is refused with "
         "the reason; a test builds a scene for each ability. An optional engine with an environment of its "
         "own is added by `touchstone env add` ([environments.md](environments.md)).",
@@ -342,9 +329,8 @@ def engines_page(checkout: Path) -> str:
         f"does best and worst, and the {MOST} causes that show in the most probes; "
         "`reports/verdict/causes.toml` has each with its mechanism. Where none is known, a probe meets all "
         "its limits, or is refused. Only these engines have been judged on all probes.",
-        table_text([row for name in PROBED for row in _failing_rows(name, entries[name])]),
-    ]
-    return "\n\n".join(parts) + "\n"
+        table_text([_failing_row(name, entries[name]) for name in PROBED]),
+    )
 
 
 def _version(name: str, entry: Entry, pinned: dict[str, str]) -> str:
@@ -365,7 +351,7 @@ def _changed(name: str, entry: Entry) -> Iterator[str]:
             yield f"`{key}` {values[0] or 'by scene'} for {values[1] or 'by scene'}"
 
 
-def _failing_rows(name: str, entry: Entry) -> Iterator[dict[str, object]]:
+def _failing_row(name: str, entry: Entry) -> dict[str, object]:
     probes = {scene.name: set(scene.tags) for scene in tagged("probe")}
     first = next(iter(entry.profiles))
     found: dict[str, set[str]] = {}
@@ -378,7 +364,7 @@ def _failing_rows(name: str, entry: Entry) -> Iterator[dict[str, object]]:
     best = min(shares, key=lambda tag: (shares[tag], -counts[tag], tag))
     worst = max(shares, key=lambda tag: (shares[tag], counts[tag], tag))
     ranked = sorted(found, key=lambda cause: (-len(found[cause]), cause))[:MOST]
-    yield {
+    return {
         "engine": name,
         "probes with a known failing": f"{len(failing)} of {len(probes)}",
         "least of a tag": f"`{best}`: {round(shares[best] * counts[best])} of {counts[best]}",
@@ -390,7 +376,6 @@ def _failing_rows(name: str, entry: Entry) -> Iterator[dict[str, object]]:
 
 
 WIDTH = 120
-"""Width of tables in characters."""
 SHOWN_BY = {
     "run": "touchstone.reports.views.terminal",
     "import": "touchstone.reports.studies.robots",
@@ -425,32 +410,19 @@ def page_of(folder: Path) -> tuple[str, str, dict[str, Path]]:
         raise NoResults(f"{folder}: cannot be shown as a table of {study!r} ({reason})") from error
     name = study.replace(" ", "-")
     pictures = {f"{name}-{path.name}": path for path in sorted(folder.glob("*.png"))}
-    parts = [NOTICE, f"# `touchstone {_command(study)}`", origin]
-    parts += ["```text", text, "```"]
-    parts += [f"![{picture.rpartition('.')[0]}](pictures/{picture})" for picture in pictures]
-    return f"{name}.md", "\n\n".join(parts).replace("```text\n\n", "```text\n") + "\n", pictures
-
-
-def _command(study: str) -> str:
+    shown = [f"![{picture.rpartition('.')[0]}](pictures/{picture})" for picture in pictures]
     whole = study in ("run", "import") or study.startswith(("bench ", "reality "))
-    return study if whole else f"study {study}"
+    title = f"`touchstone {study if whole else f'study {study}'}`"
+    return f"{name}.md", _page(title, origin, f"```text\n{text}\n\n```", *shown), pictures
 
 
 def _origin(facts: dict) -> str:
-    """What measured the table: command, commit, day, and machine."""
-    machine = facts.get("machine", {})
-    known = (
-        ("Command", facts.get("command")),
-        ("commit", facts.get("commit")),
-        ("day", facts.get("day")),
-        ("processor", machine.get("processor")),
-        ("cores", machine.get("cores")),
-    )
-    return ", ".join(f"{name} `{value}`" for name, value in known if value) + "."
+    known = {"Command": facts.get("command"), "commit": facts.get("commit"), "day": facts.get("day")}
+    known |= {name: facts.get("machine", {}).get(name) for name in ("processor", "cores")}
+    return ", ".join(f"{name} `{value}`" for name, value in known.items() if value) + "."
 
 
 def _text(study: str, frame: pd.DataFrame) -> str:
-    """The table as the command prints it."""
     out = StringIO()
     console = FittingConsole(file=out, width=WIDTH, no_color=True, force_terminal=False)
     print_parts([replace(part, wrap=True) for part in _report_of(study)(frame)], console)
@@ -458,7 +430,6 @@ def _text(study: str, frame: pd.DataFrame) -> str:
 
 
 def _report_of(study: str) -> Callable[[pd.DataFrame], list[Part]]:
-    """The function of a study's report."""
     bench = study.partition("bench ")[2]
     home = f"bench.{bench}" if bench else f"studies.{study.replace('-', '_')}"
     try:
@@ -492,7 +463,6 @@ SHOTS = {
     "volley": Shot(0.43, azimuth=100.0, elevation=-15.0),
     "wall_push": Shot(3.0),
 }
-"""Stills of the gallery."""
 
 
 def draw(scenarios: Iterable[Scenario], folder: Path) -> Iterator[str]:

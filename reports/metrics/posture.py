@@ -140,7 +140,6 @@ def _outside(bone: Array, center: Array, corners: Array) -> Array:
 
 
 def _hinges(context: Context) -> list[Joint]:
-    """The hinges in the order of the recording's columns."""
     by_name = {joint.name: joint for joint in context.scenario.joints}
     return [by_name[name] for tracker in context.scenario.trackers for name in tracker.joints]
 

@@ -36,7 +36,6 @@ from touchstone.reports.results import COLUMNS, NUMBERS, write_beside
 from touchstone.scenarios.files.safe_paths import fault_line, json_of, json_value, regular
 
 FORMAT = 1
-"""Version of the files."""
 KEY = b"touchstone.night"
 """Key of the identity in a file's metadata."""
 MARK = "touchstone-store.json"
@@ -289,7 +288,6 @@ def _checked_facts(path: Path) -> dict[str, Any]:
 
 
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "coal", "python-fcl", "pin", "pandas", "pyarrow")
-"""Libraries on which results depend."""
 HARDWARE = ("processor", "flags", "cores", "system", "memory")
 """Facts of which the fingerprint of the hardware consists: times are compared within one fingerprint."""
 
@@ -300,12 +298,14 @@ def identity(settings: Mapping[str, Any]) -> dict[str, Any]:
     hardware = {**machine(), "flags": _flags(), "memory": _memory()}
     mine = {name: hardware[name] for name in HARDWARE}
     started = datetime.now(UTC)
+    packages = {name: entry.distribution or entry.package for name, entry in ENGINES.items()}
+    packages |= {name: name for name in LIBRARIES}
     return {
         "run": f"{started:%Y%m%dT%H%M%S}-{secrets.token_hex(3)}",
         "started": started.isoformat(timespec="seconds"),
         "commit": facts["commit"].rstrip("+"),
         "dirty": facts["commit"].endswith("+"),
-        "versions": {**_engine_versions(), **{name: package_version(name, "-") for name in LIBRARIES}},
+        "versions": {name: package_version(package, "-") for name, package in packages.items()},
         "machine": {
             **mine,
             "python": hardware["python"],
@@ -346,12 +346,6 @@ def _short(value: object) -> str:
     return text if len(text) < 60 else f"{text[:57]}..."
 
 
-def _engine_versions() -> dict[str, str]:
-    return {
-        name: package_version(entry.distribution or entry.package, "-") for name, entry in ENGINES.items()
-    }
-
-
 def _flags() -> str:
     """Hash of the processor's flags."""
     try:
@@ -363,5 +357,4 @@ def _flags() -> str:
 
 
 def _memory() -> str:
-    """Memory in whole GiB."""
     return f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 2**30:.0f} GiB"

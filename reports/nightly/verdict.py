@@ -345,17 +345,14 @@ def timing(history: pd.DataFrame, nights: Mapping[int, Night], accepted: int = 0
             confirmed = None
         if confirmed is not None:
             first = int(series.sequence.iloc[confirmed.first])
-            text = f"{confirmed.ratio:.2f} times as long since {_when(nights, first)}: {_why(nights, first)}"
+            when = str(nights[first].identity.get("started", "?"))[:10] if first in nights else "?"
+            text = f"{confirmed.ratio:.2f} times as long since {when}: {_why(nights, first)}"
             found.append(Finding(REGRESSION, *place, text, confirmed.before, confirmed.after))
         elif warns(values):
             before = float(np.nanmedian(values[:-RECENT]))
             text = "2 of the last 3 nights are slower than before"
             found.append(Finding(WARNING, *place, text, before, float(values[-1])))
     return found
-
-
-def _when(nights: Mapping[int, Night], sequence: int) -> str:
-    return str(nights[sequence].identity.get("started", "?"))[:10] if sequence in nights else "?"
 
 
 def _why(nights: Mapping[int, Night], sequence: int) -> str:
@@ -422,7 +419,6 @@ def shown_changes(findings: Sequence[Finding]) -> list[Change]:
 
 
 def _own_times(history: pd.DataFrame) -> pd.DataFrame:
-    """Times of each engine in its own profile."""
     return history[history.profile.isin(["balanced", "recommended"])]
 
 
@@ -541,9 +537,8 @@ def write_junit(folder: Path, frame: pd.DataFrame, findings: Sequence[Finding]) 
 
 def write_badge(folder: Path, level: str) -> None:
     """Write `badge.json`, in the format of a shields.io endpoint."""
-    word, color = {GOOD: ("passing", "brightgreen"), WARN: ("look", "yellow"), BAD: ("regression", "red")}[
-        level
-    ]
+    looks = {GOOD: ("passing", "brightgreen"), WARN: ("look", "yellow"), BAD: ("regression", "red")}
+    word, color = looks[level]
     badge = {"schemaVersion": 1, "label": "contact physics", "message": word, "color": color}
     _write(folder / "badge.json", json.dumps(badge))
 

@@ -88,7 +88,6 @@ def facts(entry: Entry) -> dict[str, object]:
 
 HEADS = ((LIMITS, "met"), *((topic.name, topic.unit) for topic in TOPICS))
 WORST_HEADS = ((LIMITS, ""), *HEADS[1:-1], ("time", "over the fastest"))
-"""Topics with their units."""
 
 
 def matrix_table(found: Found, columns: Sequence[Column]) -> tuple[Markup, dict[str, dict[str, object]]]:
@@ -110,7 +109,6 @@ def worst_part(found: Found, columns: Sequence[Column]) -> Markup:
 
 
 SHOWN = 8
-"""Rows of a table that are shown at once; those beyond are folded away."""
 MOST = 200
 """Rows of a table at most: an engine that is missing loses thousands of figures."""
 PLACES = 6
@@ -154,13 +152,6 @@ def broken_part(rows: Iterable[Row], scenes: Collection[str]) -> Markup:
     words = [(len(broken) - failed, "broken limit"), (failed, "failed run")]
     title = " and ".join(plural(count, word) for count, word in words if count)
     return Markup(PARTS.fold(title, causes_table(broken, scenes), "broken", True) if broken else "")
-
-
-def known_part(rows: Iterable[Row], scenes: Collection[str]) -> Markup:
-    """Known failings, folded away; "" where there are none."""
-    known = [row for row in rows if row.verdict == "known"]
-    title = plural(len(known), "known failing")
-    return Markup(PARTS.fold(title, causes_table(known, scenes), "failings") if known else "")
 
 
 def causes_table(rows: Iterable[Row], scenes: Collection[str]) -> Markup:
@@ -211,9 +202,7 @@ def _joined(value: str, unit: str) -> str:
 
 HARD = "stability"
 REMARKS = ("fail", "error", "known", "unjudged")
-"""Verdicts of rows that are listed."""
 MOST_REMARKS = 60
-"""Rows of a study that are listed."""
 
 
 def studies_part(frame: pd.DataFrame) -> Markup:
@@ -283,12 +272,6 @@ def charts_part(content: Content) -> Markup:
     for metric, title, factor, floor in CHARTS:
         drawn[label(metric)] = charts.dots(content.frame, columns, metric, factor, title, floor)
     return Markup(PARTS.fold("Charts", PARTS.charts(drawn), "charts", True) if any(drawn.values()) else "")
-
-
-def published_part(content: Content) -> Markup:
-    """Published values with their sources, and what was measured; "" where the scenes state none."""
-    part = content.published
-    return Markup(PARTS.fold(part.title, part_body(part), "published", True) if part.rows else "")
 
 
 def measured_part(content: Content) -> Markup:
@@ -389,12 +372,6 @@ def settings_part(settings: Mapping[str, Mapping[str, object]]) -> Markup:
     return Markup("").join(parts) or Markup("<p>None.</p>")
 
 
-def identity_part(content: Content) -> Markup:
-    """Machine, program, libraries and command."""
-    rows = [[name, value] for name, value in content.identity]
-    return Markup(PARTS.table(["", ""], [*rows, ["command", content.command]], 2))
-
-
 MOST_PLAYBACK = 3_500_000
 """Characters of recordings in a page: scenes beyond are listed without playback, so that a page stays under
 5 MB."""
@@ -428,15 +405,17 @@ def page(content: Content) -> str:
         f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
+    published = content.published
+    identity = [*map(list, content.identity), ["command", content.command]]
     studies = studies_part(content.studies) if content.studies is not None and len(content.studies) else ""
     parts = [
-        published_part(content),
+        PARTS.fold(published.title, part_body(published), "published", True) if published.rows else "",
         measured_part(content),
         charts_part(content),
         nights_part(content),
         PARTS.fold("Hard cases and studies", studies, "studies") if studies else "",
         *(_scene_parts(content, rows, scenes) if scenes else ()),
-        PARTS.fold("Machine, program and command", identity_part(content), "identity"),
+        PARTS.fold("Machine, program and command", PARTS.table(["", ""], identity, 2), "identity"),
     ]
     return TEMPLATES.get_template("page.html").render(
         policy=policy,
@@ -460,8 +439,11 @@ def page(content: Content) -> str:
 
 
 def _scene_parts(content: Content, rows: list[Row], scenes: dict[str, list[Row]]) -> tuple[str, ...]:
+    known = [row for row in rows if row.verdict == "known"]
     return (
-        known_part(rows, scenes),
+        PARTS.fold(plural(len(known), "known failing"), causes_table(known, scenes), "failings")
+        if known
+        else "",
         PARTS.fold("Where the reference loses", reference_loses(content.frame, scenes), "loses"),
         scene_parts(content, scenes),
         PARTS.fold("Settings that each engine got", settings_part(content.settings), "settings"),

@@ -82,7 +82,6 @@ def _courses(
 VERSION_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Colours of versions, in their order; they differ for colour-blind readers too."""
 VERSION_MARKERS = "o^sDvP"
-"""Markers of versions, in their order."""
 
 
 def scenes_of(run: Path) -> dict[str, dict[Column, Path]]:

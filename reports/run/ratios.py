@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.adapters.registry import ENGINES, own_environment
+from touchstone.adapters.registry import own_environment
 from touchstone.reports.bootstrap import RATIO, STATISTICS, Indices, mean, restart_ratio
 from touchstone.reports.metrics.context import ROUNDING
 from touchstone.reports.results import UNJUDGED, Row
 from touchstone.reports.run.time_limits import AIMING, POSED_LABEL, judged_time, kind_of
 from touchstone.reports.runner.request import EQUAL_PROFILE, MACHINE_PROFILE, REFERENCE, reproduce
+from touchstone.reports.verdict.judge import is_own_step
 from touchstone.reports.verdict.limits import is_foreign
 from touchstone.scenarios.plural import plural
 from touchstone.scenarios.scenario import Scenario
@@ -75,9 +76,7 @@ class Timed:
     @property
     def at_own_step(self) -> bool:
         """Whether the step is that of the profile."""
-        entry = ENGINES.get(self.engine)  # not of an engine of a stored run that is no longer known
-        own = entry.profiles.get(self.profile, 0.0) if entry else 0.0
-        return abs(own - self.dt) < 1e-9 * self.dt
+        return is_own_step(self.engine, self.profile, self.dt)
 
 
 def timed(

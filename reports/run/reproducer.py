@@ -19,9 +19,7 @@ from touchstone.reports.runner.request import Request, script_command, step_text
 from touchstone.scenarios.scenario import Scenario
 
 MISSED = ("fail", "known", "error")
-"""Verdicts of rows that a script is written for."""
 SHOWN = 4
-"""Missed limits that a script names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +79,6 @@ def head(scenario: Scenario, engine: str, settings: Settings, missed: tuple[str,
 
 
 def _line(row: Row) -> str:
-    """A missed limit in one line."""
     if row.metric == "run":
         return f"the end of the scene: {row.reason}"
     unit = "" if row.unit == "1" else f" {row.unit}"

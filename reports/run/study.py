@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from math import inf, isnan, nan
 from pathlib import Path
 
@@ -41,16 +40,6 @@ from touchstone.scenarios.scenario import Scenario
 HEAP_BUDGET, LARGE_BUDGET = 60.0, 180.0
 """Time of an engine's steps after which its column skips the rest of a heap, and of a large one [s]: the
 reference takes 80 s for 1,000 grains; a frame of DART's takes seconds once hundreds of pairs touch."""
-
-
-def ratios_of(scenario: Scenario, played: dict[tuple[str, str], Recording], rows: list[Row]) -> list[Row]:
-    """Ratios of the reference's time to every engine's, from this one run."""
-    overlap = {(r.engine, r.profile): r for r in rows if r.metric == "overlap.max"}
-    columns = [
-        timed(engine, label, recording, [recording.time_frame], overlap.get((engine, label)))
-        for (engine, label), recording in played.items()
-    ]
-    return ratio_rows(STUDY, scenario, columns, one_run=True)
 
 
 def spreads_of(scenario: Scenario, rows: list[Row]) -> list[Row]:
@@ -154,8 +143,8 @@ def _play(
     jobs, missing = [], []
     for engine, profile in request.columns:
         if not installed(engine):
-            row = Row(STUDY, scenario.name, engine, profile, float("nan"), "run")
-            missing.append(replace(row, verdict=MISSING, reason=missing_reason(engine)))
+            row = Row(STUDY, scenario.name, engine, profile, nan, "run", verdict=MISSING)
+            missing.append(replace(row, reason=missing_reason(engine)))
             continue
         jobs.append(job_of(request, scenario, engine, profile, folder))
     return children.play(jobs, progress), missing
@@ -204,7 +193,9 @@ def judge_outcomes(
         rows += [excused(row, recording, scenario, request.limits) for row in found]
         results.warn(base, context)
     results.write("playback", lambda: results.playback.update(packed_scene(scenario, seen)))
-    rows += ratios_of(scenario, played, rows) + spreads_of(scenario, rows)
+    overlap = {(r.engine, r.profile): r for r in rows if r.metric == "overlap.max"}
+    columns = [timed(*key, one, [one.time_frame], overlap.get(key)) for key, one in played.items()]
+    rows += ratio_rows(STUDY, scenario, columns, one_run=True) + spreads_of(scenario, rows)
     if not request.metrics or SPREAD in request.metrics:
         rows += apart_rows(scenario, {column: seen[column] for column in played}, horizon)
     if not request.metrics or PARITY in request.metrics:
@@ -266,15 +257,6 @@ def outcomes_of(folder: Path) -> dict[str, list[Outcome]]:
     return found
 
 
-def _stored_horizon(folder: Path, scene: str) -> float:
-    """Horizon of a scene in the table of a run, which recordings do not tell; NaN without one."""
-    try:
-        frame = table_of(folder)
-    except RunError:
-        return nan
-    return float(frame.value[(frame.scenario == scene) & (frame.metric == HORIZON)].max())
-
-
 def judge(
     folder: Path,
     out: Path,
@@ -299,10 +281,17 @@ def judge(
     request = Request(scenarios, tuple(columns), out, metrics=metrics, command=command, limits=tuple(limits))
     rows: list[Row] = []
     results = Results(table(rows))
+    try:
+        stored = table_of(folder)
+    except RunError:
+        stored = table([])
     with output_folder(out) as part:
         for scenario in scenarios:
-            found = partial(_stored_horizon, folder, scenario.name)
-            rows += judge_outcomes(request, scenario, outcomes[scenario.name], results, progress, found)
+            mine = stored[(stored.scenario == scenario.name) & (stored.metric == HORIZON)]
+            horizon = float(mine.value.max())  # which recordings do not tell
+            rows += judge_outcomes(
+                request, scenario, outcomes[scenario.name], results, progress, lambda h=horizon: h
+            )
         results.frame = table([row for row in rows if not metrics or row.metric in (*metrics, "run")])
         save(results.frame, part)
         save_manifest(part, {"command": command, "judged": str(folder)})

@@ -53,7 +53,6 @@ CATALOGUE = "touchstone.reports.runner.cells:from_catalogue"
 PERTURBED = "touchstone.reports.runner.cells:perturbed_scene"
 """Names of measures and of sources of scenes: "module:function"."""
 SCENES_KEPT = 512
-"""Scenes that a process keeps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,15 +152,12 @@ def grid(
         seeds: 0 is the scene as it is; others perturb it (`scenes.perturbed_scene`), without a `source`.
         fixed: further fields that all cells share.
     """
+    sources = {seed: {"source": PERTURBED if seed else CATALOGUE} | fixed for seed in seeds}
     cells = [
-        Cell(scene, engine, profile, dt, changed, seed, repeat=repeat, **({"source": _source(seed)} | fixed))
+        Cell(scene, engine, profile, dt, changed, seed, repeat=repeat, **sources[seed])
         for scene, (engine, profile) in product(scenes, columns)
         for dt in (steps or (ENGINES[engine].profiles[profile],))
         for changed in combinations(engine, profile, changes)
         for seed, repeat in product(seeds, range(repeats))
     ]
     return list(dict.fromkeys(cells))
-
-
-def _source(seed: int) -> str:
-    return PERTURBED if seed else CATALOGUE

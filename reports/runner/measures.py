@@ -28,7 +28,6 @@ METRICS = (
     *("events.touch", "events.roll", "events.leave", "events.land", "events.meet", "events.part"),
     *("posture.deviation", "momentum.linear"),
 )
-"""Metrics of an accuracy cell."""
 FRAMES, PATH = "frames", "path"
 """Rows with a series: native seconds of each displayed frame, and the centres of mass of the moving bodies,
 flat (f, n, 3) [m]. Their values are the numbers of frames and of bodies."""

@@ -76,18 +76,14 @@ def limited(progress: Progress, total: int, longest: float | None = None, unit: 
         if elapsed >= FIRST_SECONDS:
             judged = True
             # a machine that others load now may be idle later
-            left = elapsed / done * (total - done) / _crowd()
+            crowd = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+            left = elapsed / done * (total - done) / crowd
             if left > most:
                 raise TooLargeError(f"{total} {unit} would take about {_words(left)}; --yes plays them")
             if left > TOLD:
                 progress(f"{ABOUT}{_words(left)} for {total} {unit}", 0)
 
     return step
-
-
-def _crowd() -> float:
-    """Processes that want a processor of this machine, per processor, and at least 1."""
-    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 def _words(seconds: float) -> str:

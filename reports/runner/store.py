@@ -29,7 +29,6 @@ from touchstone.reports.runner.content_hash import FORMAT, hash_of
 from touchstone.scenarios.files.safe_paths import json_of, regular
 
 MOST_FILES = 64
-"""Number of files above which they are merged."""
 NUMBERS = ("dt", "value", "low", "high", "limit")
 INTEGERS = ("seed", "repeat")
 SCHEMA = pa.schema(
@@ -170,7 +169,6 @@ class Store:
 
 
 def _records(done: Done) -> Iterator[dict[str, object]]:
-    """Rows of a cell as records of SCHEMA."""
     cell = done.cell
     fixed = {
         "cell": hash_of(cell),

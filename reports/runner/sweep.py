@@ -169,7 +169,6 @@ def _server(loader: Loader) -> EngineServer:
 
 
 def _play_batch(cells: Sequence[Cell], loader: Loader) -> list[Done]:
-    """Play cells in this process, a worker of a cluster."""
     return [finished(cell, _server(loader).handle("play", cell)) for cell in cells]  # type: ignore[arg-type]
 
 

@@ -55,7 +55,6 @@ METRICS = (
     *("friction.deficit", "friction.cone", "restitution.error", "contact.gap"),
     *("force.error", "solver.residual"),
 )
-"""What is measured of scenes with limits."""
 PATIENCE = 20.0
 """Time of the frames of a scene, over that as landed plus a second, at which a run is cut off [1]."""
 HANGING = 900.0
@@ -154,7 +153,6 @@ def _cases(scenes: int) -> Mapping[str, Case]:
 
 @cache
 def _plain(name: str, settings: Settings, scenes: int) -> Played:
-    """The run as landed."""
     engine, case = loaded(ENGINE), _cases(scenes)[name]
     digits, _ = _play(engine, case, settings)
     _, seconds = _play(engine, case, settings)
@@ -305,7 +303,6 @@ def lines_of(frame: pd.DataFrame) -> list[list[str]]:
 
 
 def _split(subject: str) -> tuple[str, str]:
-    """Name and change of a row's subject."""
     for change in (OFF, f"times {FACTOR:g}", f"over {FACTOR:g}"):
         if subject.endswith(f" {change}"):
             return subject.removesuffix(f" {change}"), change

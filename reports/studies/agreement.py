@@ -60,7 +60,6 @@ LEAST_ORDER = 0.5
 """Least order of an extrapolation [1]: none where the order's interval reaches below it."""
 CONFIDENCE = 0.95
 UNITS = {"position": "1", "orientation": "rad"}
-"""Quantities and their units."""
 SCENES = (
     *("fall", "tumble_stable", "tumble_unstable", "spring", "bounce_e05", "collide_sticks", "cradle"),
     *("roll", "slip", "slide", "incline_slides", "push_box"),

@@ -26,10 +26,20 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.request import step_text
 from touchstone.reports.runner.tasks import own_step, played
-from touchstone.reports.studies.study import Column, failure_lines, failures, kept, missing_rows
+from touchstone.reports.studies.study import (
+    Column,
+    Picture,
+    extremes,
+    failure_lines,
+    failures,
+    kept,
+    missing_rows,
+    page_text,
+    with_interval,
+)
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import DASHES, DOTS, PALE, axis, by, color_of, grid, rule, save
-from touchstone.reports.views.render import Part, markdown
+from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import (
     Body,
     Box,
@@ -99,13 +109,16 @@ def scene(probe: Probe, dt: float) -> Scenario:
     slides, rate = probe.kind in ("friction", "slow"), round(1 / dt)
     gravity = (0.0, 0.0, -G)
     if probe.kind == "slow":
-        (speed,) = probe.speeds
         gravity = (pull_of(probe), 0.0, -G)
-        bodies = [_body(probe.pair, 0, 0.0, (speed, 0.0, 0.0))]
+        bodies = [_body(probe.pair, 0, 0.0, (probe.speeds[0], 0.0, 0.0))]
     elif slides:
         bodies = _sliding(probe)
-    else:
-        bodies = _bouncing(probe, dt) if probe.speeds else _dropped(probe, dt)
+    elif probe.speeds:
+        bodies = _bouncing(probe, dt)
+    else:  # at rest, spread over the height of the fall within the last step
+        last = sqrt(2 * G * DROP) * dt
+        gaps = [DROP + phase * last for phase in probe.phases]
+        bodies = [_body(probe.pair, k, gap, (0.0, 0.0, 0.0)) for k, gap in enumerate(gaps)]
     asked = (0.0, probe.requested) if slides else (probe.requested, 0.0)
     half = SPACING * (len(bodies) + 2)
     # The piece is at its body's origin: Bullet treats a shifted one as a compound, whose contacts differ.
@@ -137,13 +150,6 @@ def _bouncing(probe: Probe, dt: float) -> list[Body]:
             gap = speed * time - G * time * time / 2
             bodies.append(_body(probe.pair, len(bodies), gap, (0.0, 0.0, G * time - speed)))
     return bodies
-
-
-def _dropped(probe: Probe, dt: float) -> list[Body]:
-    """Bodies at rest, spread over the height of the fall within the last step."""
-    last = sqrt(2 * G * DROP) * dt
-    gaps = [DROP + phase * last for phase in probe.phases]
-    return [_body(probe.pair, k, gap, (0.0, 0.0, 0.0)) for k, gap in enumerate(gaps)]
 
 
 def _sliding(probe: Probe) -> list[Body]:
@@ -188,13 +194,8 @@ class ProbeTask:
 
 
 def measure(engine: Engine, task: ProbeTask) -> ProbeMotion:
-    """Play a task in this process."""
-    return motion_of(engine, task.probe, task.settings)
-
-
-def motion_of(engine: Engine, probe: Probe, settings: Settings) -> ProbeMotion:
-    """Play a probe's scene and return its motion."""
-    played = record(engine, scene(probe, settings.dt), settings)
+    """Play a probe's scene in this process and return its motion."""
+    played = record(engine, scene(task.probe, task.settings.dt), task.settings)
     # All bodies but the floor; the surface point is the one under the centre.
     velocity, omega = played.linear_velocity[:, 1:], played.angular_velocity[:, 1:]
     surface = velocity + np.cross(omega, (0.0, 0.0, -HEIGHT))
@@ -287,9 +288,7 @@ LARGEST = {
     "friction.bias": "friction.bias.max",
     "friction.slow": "friction.slow.max",
 }
-"""Metric -> the name of its aggregate."""
 SLOW = "restitution.slow.max"
-"""Aggregate of the bias of restitution below JUDGED_SPEED."""
 HOP_STEPS = 2
 """Least duration of a hop, to distinguish it from rest [steps]."""
 
@@ -305,9 +304,14 @@ def subject_of(kind: str, requested: float, value: float) -> str:
 
 def rows_of_engine(found: Sequence[tuple[ProbeTask, ProbeMotion | Ended]]) -> list[Row]:
     """The achieved values of an engine, the largest biases, gaps at rest, and failures."""
-    rows: list[Row] = []
     ended = [(task, one) for task, one in found if isinstance(one, Ended)]
     motions = [(task, one) for task, one in found if isinstance(one, ProbeMotion)]
+    if len({one for _, one in ended}) == 1 and not motions:  # the engine itself fails
+        ((first, one), *_) = ended
+        base = replace(_base(first), scenario=ALL, metric="run", verdict=one.status, reason=one.reason)
+        profiles = dict.fromkeys(task.settings.profile for task, _ in ended)
+        return [replace(base, profile=name, dt=own_step(base.engine, name)) for name in profiles]
+    rows: list[Row] = []
     resting = {
         _base(task): float(np.median(motion.gap[-1]))
         for task, motion in motions
@@ -328,15 +332,13 @@ def rows_of_engine(found: Sequence[tuple[ProbeTask, ProbeMotion | Ended]]) -> li
             case "slow":
                 rows.append(_slow_row(base, probe, motion))
             case "drop":
-                rows.append(_drop(base, motion))
+                # for e = 1, and its range over the phases of a step
+                values = [rebound_of(gap) for gap in motion.gap.T]
+                row = replace(base, metric="restitution.drop", subject=f"e=1 h={DROP:g}", unit="1")
+                rows.append(with_interval(row, (values[0], min(values), max(values)), reason="asked 1"))
     rows += _largest(rows)
     rows += [replace(base, metric="gap.rest", unit="m", value=level) for base, level in resting.items()]
     rows += [_lowest(base, rungs) for base, rungs in ladders.items()]
-    if len({one for _, one in ended}) == 1 and not motions:  # the engine itself fails
-        profiles = dict.fromkeys(task.settings.profile for task, _ in ended)
-        ((first, one), *_) = ended
-        base = replace(_base(first), scenario=ALL, metric="run", verdict=one.status, reason=one.reason)
-        return [replace(base, profile=name, dt=own_step(base.engine, name)) for name in profiles]
     for task, one in ended:
         row = replace(_base(task), metric="run", subject=f"{task.probe.kind} {task.probe.requested:g}")
         rows.append(replace(row, verdict=one.status, reason=one.reason))
@@ -367,16 +369,13 @@ def _restitution_rows(base: Row, probe: Probe, achieved: Array) -> list[Row]:
             reason = f"asked {probe.requested:g}; a hop of less than {HOP_STEPS} steps"
             rows.append(replace(row, verdict="skipped", reason=reason))
             continue
-        middle, low, high = float(np.median(values)), float(values.min()), float(values.max())
-        rows.append(replace(row, value=middle, low=low, high=high, reason=f"asked {probe.requested:g}"))
-        asked = probe.requested
-        bias = replace(row, metric="restitution.bias", value=middle - asked)
-        rows.append(replace(bias, low=low - asked, high=high - asked))
+        rows.append(with_interval(row, extremes(values), reason=f"asked {probe.requested:g}"))
+        bias = extremes(values - probe.requested)
+        rows.append(with_interval(row, bias, metric="restitution.bias"))
     return rows
 
 
 def _lowest(base: Row, rungs: Sequence[tuple[float, float]]) -> Row:
-    """The lowest speed that bounces, from all rungs of the ladder."""
     speeds, returned = np.array(sorted(rungs)).T
     lowest = lowest_speed(speeds, returned)
     row = replace(base, metric="restitution.lowest", subject="e=1", unit="m/s", value=lowest)
@@ -386,13 +385,6 @@ def _lowest(base: Row, rungs: Sequence[tuple[float, float]]) -> Row:
     return replace(row, reason=f"from here on at least {BOUNCES:g} of e = 1 is returned")
 
 
-def _drop(base: Row, motion: ProbeMotion) -> Row:
-    """Restitution after a fall from DROP for e = 1, and its range over the phases of a step."""
-    values = [rebound_of(gap) for gap in motion.gap.T]
-    row = replace(base, metric="restitution.drop", subject=f"e=1 h={DROP:g}", unit="1", reason="asked 1")
-    return replace(row, value=values[0], low=min(values), high=max(values))
-
-
 def _friction_rows(base: Row, probe: Probe, motion: ProbeMotion) -> list[Row]:
     rows = []
     for k, heading in enumerate(probe.headings):
@@ -400,16 +392,14 @@ def _friction_rows(base: Row, probe: Probe, motion: ProbeMotion) -> list[Row]:
         subject = subject_of("friction", probe.requested, heading)
         row = replace(base, metric="friction.achieved", subject=subject, unit="1", value=mu)
         if isnan(mu):
-            reason = f"asked {probe.requested:g}; slides on"
-            rows.append(replace(row, verdict="skipped", reason=reason))
-            continue
-        rows.append(replace(row, reason=f"asked {probe.requested:g}"))
-        rows.append(replace(row, metric="friction.bias", value=mu / probe.requested - 1))
+            rows.append(replace(row, verdict="skipped", reason=f"asked {probe.requested:g}; slides on"))
+        else:
+            rows.append(replace(row, reason=f"asked {probe.requested:g}"))
+            rows.append(replace(row, metric="friction.bias", value=mu / probe.requested - 1))
     return rows
 
 
 def _slow_row(base: Row, probe: Probe, motion: ProbeMotion) -> Row:
-    """Friction over the one asked for while a body slides slowly."""
     mu = slow_friction_of(motion.surface[:, 0, 0], pull_of(probe), G, base.dt)
     subject = subject_of("slow", probe.requested, probe.speeds[0])
     row = replace(base, metric="friction.slow", subject=subject, unit="1", value=mu / probe.requested)
@@ -419,8 +409,6 @@ def _slow_row(base: Row, probe: Probe, motion: ProbeMotion) -> Row:
 
 
 def _largest(found: Sequence[Row]) -> list[Row]:
-    """Largest biases per profile and pair, and over all pairs; those of restitution from JUDGED_SPEED on, and
-    below it."""
     sizes: dict[tuple[str, str, float, str], list[float]] = {}
     for row in found:
         if row.metric not in LARGEST or isnan(row.value):
@@ -491,8 +479,7 @@ def run(
     grid: Requested | None = None,
     loader: Loader = load,
 ) -> pd.DataFrame:
-    """Play all columns; store rows, picture, report and manifest. The folder appears complete or not at
-    all."""
+    """Play all columns; the folder appears complete or not at all."""
     grid = grid or Requested()
     with output_folder(out) as folder:
         asked = tasks([column for column in columns if installed(column[0])], grid)
@@ -506,7 +493,8 @@ def run(
             profiles = [profile for name, profile in columns if name == engine]
             engines[engine] = {"version": version, "profiles": profiles}
         facts = {"study": STUDY, "grid": asdict(grid), "engines": engines}
-        pictures = {"report.md": write_report, "calibration.png": requested_and_achieved}
+        pictures: dict[str, Picture] = {"calibration.png": requested_and_achieved}
+        pictures["report.md"] = lambda frame, path: path.write_text(page(frame), "utf-8")
         return kept([judged(row, ()) for row in rows], folder, facts, pictures)
 
 
@@ -582,8 +570,7 @@ def grids(frame: pd.DataFrame) -> list[Part]:
 
 
 def _restitution(values: Values) -> Part:
-    pairs = [pair.partition("-")[0] for pair in SHAPES]
-    biases = [f"{pair} bias" for pair in pairs]
+    biases = [f"{pair.partition('-')[0]} bias" for pair in SHAPES]
     heads = ["", *(f"asked {e:g}" for e in values.restitutions), *biases, "lowest [m/s]"]
     rows = []
     for column in values.columns:
@@ -656,132 +643,55 @@ BULLET_MARGIN = 0.02
 BULLET_BOUNCE = 0.2
 """Bullet's default restitutionVelocityThreshold [m/s]."""
 
-Finding = Callable[[Values, pd.DataFrame], str]
-
 
 def findings(frame: pd.DataFrame) -> list[str]:
     """One line per finding whose numbers are all in the frame."""
-    values = Values(frame)
-    lines = [finding(values, frame) for finding in FINDINGS]
-    return [line for line in lines if line and "nan" not in line]
-
-
-def _reference_lowest(values: Values, frame: pd.DataFrame) -> str:
-    rest = 2 * G * values.step("reference")
-    return (
-        f"reference: bounces from {values.lowest('reference'):.3f} m/s on, by its own law: e fades evenly "
+    of, margin = Values(frame), BULLET_MARGIN * HEIGHT
+    dart, mujoco, bullet = (of.both(engine) for engine in ("dart", "mujoco", "bullet"))
+    rest, least = 2 * G * of.step("reference"), DART_BOUNCE - 1.5 * G * of.step("dart")
+    cones = {column: of.share(column, "box-box", 45.0) for column in (*dart, *mujoco, *bullet)}
+    springs = [of(column, "sphere-box", "restitution.achieved", "e=0.3 v=5") for column in mujoco]
+    slowest = f"mu={min(of.frictions, default=0):g} heading=45"
+    drops = [row for row in rows_of(frame[frame.metric == "restitution.drop"]) if row.engine == "bullet"]
+    returned = ", ".join(f"{row.value:.2f} at {step_text(row.dt)} s" for row in drops) or "nan"
+    gaps = [1e3 * of(column, "hull-box", "gap.rest") for column in bullet]
+    lines = [
+        f"reference: bounces from {of.lowest('reference'):.3f} m/s on, by its own law: e fades evenly "
         f"from 4 g h = {2 * rest:.3f} m/s to none at 2 g h = {rest:.3f} m/s, with a quarter of it at "
-        f"2.5 g h = {1.25 * rest:.3f} m/s"
-    )
-
-
-def _dart_lowest(values: Values, frame: pd.DataFrame) -> str:
-    least = DART_BOUNCE - 1.5 * G * values.step("dart")
-    return (
-        f"dart: bounces from {values.lowest('dart'):.3f} m/s on: it has no bounce unless e v > "
+        f"2.5 g h = {1.25 * rest:.3f} m/s",
+        f"dart: bounces from {of.lowest('dart'):.3f} m/s on: it has no bounce unless e v > "
         f"{DART_BOUNCE:g} m/s, where v has fallen on past the surface, for half a step here, and holds one "
         f"more step of gravity: {DART_BOUNCE:g} - 1.5 g h = {least:.3f} m/s. dartpy has no setter. A bounce "
-        "gains about 2 g h / v, for gravity pulls in the step before it, not in its own"
-    )
-
-
-def _dart_cone(values: Values, frame: pd.DataFrame) -> str:
-    first, accurate = (values.share(column, "box-box", 45.0) for column in values.both("dart"))
-    return (
-        f"dart: {first:.3f} of mu at 45 degrees, for each of two directions may have all of mu: sqrt(2) "
-        f"together. The cone of its NSGS solver is circular (accurate): {accurate:.3f}"
-    )
-
-
-def _bullet_steps(values: Values, frame: pd.DataFrame) -> str:
-    drops = [r for r in rows_of(frame[frame.metric == "restitution.drop"]) if r.engine == "bullet"]
-    if not drops:
-        return ""
-    found = ", ".join(f"{r.value:.2f} at {step_text(r.dt)} s" for r in drops)
-    accurate = values(("bullet", "accurate"), "sphere-box", "restitution.achieved", "e=1 v=1")
-    return (
-        f"bullet: loses restitution as the step shrinks: e = 1 from a fall of 0.5 m returns {found}. "
-        "Contacts are found before bodies touch, within "
-        f"{BULLET_MARGIN:.0%} of their size ({1e3 * _margin():g} mm here), and brake a body "
+        "gains about 2 g h / v, for gravity pulls in the step before it, not in its own",
+        f"dart: {cones[dart[0]]:.3f} of mu at 45 degrees, for each of two directions may have all of mu: "
+        "sqrt(2) together. The cone of its NSGS solver is circular (accurate): "
+        f"{cones[dart[1]]:.3f}",
+        f"bullet: loses restitution as the step shrinks: e = 1 from a fall of 0.5 m returns {returned}. "
+        f"Contacts are found before bodies touch, within {BULLET_MARGIN:.0%} of their size "
+        f"({1e3 * margin:g} mm here), and brake a body "
         "so that it just arrives at the end of the step; what speed it has left is what bounces. Long steps "
         "jump over that margin; they gain by position correction and by a step "
         "without gravity. contactProcessingThreshold = 0 (accurate) takes the margin away: e = 1 returns "
-        f"{accurate:.2f} at 1 m/s. Bodies of shifted pieces (compounds) have no margin to begin with"
-    )
-
-
-def _bullet_lowest(values: Values, frame: pd.DataFrame) -> str:
-    braked = _margin() / (1.5 * values.step("bullet"))
-    return (
-        f"bullet: bounces from {values.lowest('bullet'):.3f} m/s on; below restitutionVelocityThreshold = "
-        f"{BULLET_BOUNCE:g} m/s not at all, and below {braked:.3f} m/s it needs more than a step and a half "
-        "through the margin and is braked twice"
-    )
-
-
-def _margin() -> float:
-    """Bullet's margin round the bodies of the study [m]."""
-    return BULLET_MARGIN * HEIGHT
-
-
-def _bullet_cone(values: Values, frame: pd.DataFrame) -> str:
-    column, _ = values.both("bullet")
-    sphere, box = (values.share(column, pair, 45.0) for pair in ("sphere-box", "box-box"))
-    return (
-        f"bullet: {sphere:.3f} of mu at 45 degrees under a sphere, {box:.3f} under a box: each point of a "
-        "face is on its cone, but in a direction of its own, and they do not add up"
-    )
-
-
-def _bullet_hulls(values: Values, frame: pd.DataFrame) -> str:
-    first, accurate = (1e3 * values(column, "hull-box", "gap.rest") for column in values.both("bullet"))
-    bias = values(("bullet", "accurate"), "hull-box", "restitution.bias.max")
-    return (
-        f"bullet: hulls rest {first:.2f} mm high, {accurate:.2f} mm without collisionMargin (accurate). A "
+        f"{of(bullet[1], 'sphere-box', 'restitution.achieved', 'e=1 v=1'):.2f} at 1 m/s. Bodies of shifted "
+        "pieces (compounds) have no margin to begin with",
+        f"bullet: bounces from {of.lowest('bullet'):.3f} m/s on; below restitutionVelocityThreshold = "
+        f"{BULLET_BOUNCE:g} m/s not at all, and below {margin / (1.5 * of.step('bullet')):.3f} m/s it needs "
+        "more than a step and a half through the margin and is braked twice",
+        f"bullet: {of.share(bullet[0], 'sphere-box', 45.0):.3f} of mu at 45 degrees under a sphere, "
+        f"{cones[bullet[0]]:.3f} under a box: each point of a "
+        "face is on its cone, but in a direction of its own, and they do not add up",
+        f"bullet: hulls rest {gaps[0]:.2f} mm high, {gaps[1]:.2f} mm without collisionMargin (accurate). A "
         "hull that lands flat is found one point a step and begins to spin: its restitution is off by up to "
-        f"{bias:.2f} even so"
-    )
-
-
-def _mujoco_spring(values: Values, frame: pd.DataFrame) -> str:
-    first, accurate = (
-        values(column, "sphere-box", "restitution.achieved", "e=0.3 v=5") for column in values.both("mujoco")
-    )
-    return (
-        f"mujoco: e = 0.3 returns {first:.3f} at 5 m/s: a damped spring that may not pull lets go while "
-        f"still compressed. Allowing for that, with a stiff contact (accurate): {accurate:.3f}; slow bodies "
-        "return less, for they let go below the surface and climb out against gravity"
-    )
-
-
-def _mujoco_cone(values: Values, frame: pd.DataFrame) -> str:
-    column, accurate = values.both("mujoco")
-    slowest = f"mu={min(values.frictions, default=0):g} heading=45"
-    return (
-        f"mujoco: {1 + values(column, 'box-box', 'friction.bias', slowest):.3f} of mu at 45 degrees for the "
+        f"{of(bullet[1], 'hull-box', 'restitution.bias.max'):.2f} even so",
+        f"mujoco: e = 0.3 returns {springs[0]:.3f} at 5 m/s: a damped spring that may not pull lets go while "
+        f"still compressed. Allowing for that, with a stiff contact (accurate): {springs[1]:.3f}; slow "
+        "bodies return less, for they let go below the surface and climb out against gravity",
+        f"mujoco: {1 + of(mujoco[0], 'box-box', 'friction.bias', slowest):.3f} of mu at 45 degrees for the "
         "slowest box: the default cone is a pyramid with its edges over the axes, and its sides are "
         "1 / sqrt(2) = 0.707 from its middle. Faster bodies hop, for friction also lifts them. Elliptic "
-        f"cone, friction damped by itself (accurate): "
-        f"{values.share(accurate, 'box-box', 45.0):.3f} on average"
-    )
-
-
-FINDINGS: tuple[Finding, ...] = (
-    _reference_lowest,
-    _dart_lowest,
-    _dart_cone,
-    _bullet_steps,
-    _bullet_lowest,
-    _bullet_cone,
-    _bullet_hulls,
-    _mujoco_spring,
-    _mujoco_cone,
-)
-
-
-def write_report(frame: pd.DataFrame, path: Path) -> None:
-    """Write the page."""
-    path.write_text(page(frame), "utf-8")
+        f"cone, friction damped by itself (accurate): {cones[mujoco[1]]:.3f} on average",
+    ]
+    return [line for line in lines if "nan" not in line]
 
 
 def report(frame: pd.DataFrame) -> list[Part]:
@@ -791,14 +701,9 @@ def report(frame: pd.DataFrame) -> list[Part]:
 
 def page(frame: pd.DataFrame) -> str:
     """The study as a page."""
-    *tables, _, _ = report(frame)
+    notes, found = Part(notes=NOTES, picture="calibration.png"), Part("findings", lines=findings(frame))
     remarks = Part("remarks", lines=failure_lines(frame), empty="none")
-    tail = (Part(notes=NOTES, picture="calibration.png"), Part("findings", lines=findings(frame)), remarks)
-    lines = [
-        "# touchstone study calibration",
-        *(line for part in (*tables, *tail) for line in markdown(part)),
-    ]
-    return "\n".join(lines) + "\n"
+    return page_text(f"study {STUDY}", (*grids(frame), notes, found, remarks))
 
 
 SIDES = ((2**0.5, "√2"), (0.5**0.5, "1 / √2"))
@@ -841,14 +746,13 @@ def _span(found: Mapping[str, pd.DataFrame], low: float, high: float) -> tuple[f
 
 
 Ranges = dict[float, list[float]]
-"""Values by their abscissa."""
 
 
 def _profiles(frame: pd.DataFrame) -> list[tuple[str, bool]]:
     """The first profile, drawn filled, and the accurate one or the next, drawn hollow."""
-    names = list(dict.fromkeys(frame.profile))
-    second = ACCURATE if ACCURATE in names else next(iter(names[1:]), "")
-    return [(names[0], True)] + ([(second, False)] if second not in ("", names[0]) else [])
+    first, *others = dict.fromkeys(frame.profile)
+    second = [ACCURATE] if ACCURATE in others else others[:1]
+    return [(first, True), *((name, False) for name in second)] if first != ACCURATE else [(first, True)]
 
 
 def _ranges(frame: pd.DataFrame, find: Callable[[pd.DataFrame], Ranges], shift: float) -> pd.DataFrame:

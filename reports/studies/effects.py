@@ -67,7 +67,6 @@ ENGINE_PASSES = 4
 PASSES = 8
 """Timed passes of the reference's frames; each variant is first in half of them."""
 JUDGED = ("effects.changed", "time.left", "time.slower", "time.plan")
-"""Metrics of this study that have limits."""
 
 
 def scenes() -> list[Scenario]:
@@ -287,20 +286,13 @@ def _cells(rows: dict[tuple[str, str, str, str], Row], scenario: str, engine: st
         value_text(of("time.frame", ""), MICRO),
         "" if saved is None else _percent(saved.value),
         "" if saved is None else f"{_percent(saved.low)} to {_percent(saved.high)}",
-        _difference(moved),
-        "" if moved is None else moved.reason_code,
+        *(("", "") if moved is None else (f"{moved.value:.1e}" if moved.value else "0", moved.reason_code)),
         "" if plan is None else exact_number(1e3 * plan.value),
     ]
 
 
 def _percent(share: float) -> str:
     return f"{100 * share + 0.0:.0f}"
-
-
-def _difference(row: Row | None) -> str:
-    if row is None:
-        return ""
-    return "0" if row.value == 0 else f"{row.value:.1e}"
 
 
 CELLS = {
@@ -311,7 +303,6 @@ CELLS = {
     "!": ("#D55E00", "not needed, yet it changes something"),
     "x": ("#FFFFFF", "cannot be played so"),
 }
-"""Colour and meaning of each mark."""
 
 
 def savings(frame: pd.DataFrame, path: Path) -> None:

@@ -181,7 +181,6 @@ def _bounced(bounces: int, frames: int) -> Callable[[Values], tuple[Derivative, 
 
 
 ROLL = 45
-"""Frames of the ball that slides until it rolls."""
 
 
 def _rolls(p: Values) -> Scenario:

@@ -31,7 +31,7 @@ from touchstone.reports.bootstrap import median_interval, time_ratio
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
-from touchstone.reports.studies.study import RefusedError, failures, kept, with_interval
+from touchstone.reports.studies.study import MICRO, RefusedError, failures, kept, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
@@ -51,7 +51,6 @@ IK_TOLERANCE = 1e-5
 """Distance from the goal at which it counts as reached, and at which pinocchio's loop ends [m]."""
 CCD, LOOP = "ccd as printed", "damped least squares"
 SOLVERS = (("reference", CCD), ("pinocchio", LOOP))
-"""Engine and algorithm."""
 MEASURED = ("ik.missed", "ik.left", "ik.passes", "time.solve", "time.crossing", "ratio.time")
 CROSSINGS = 1000
 Answer = Sequence[Any]
@@ -208,7 +207,6 @@ def _rows_of(base: Row, answers: Array, loop_seconds: Array) -> list[Row]:
     return found
 
 
-MICRO = 1e6
 HEADS = (
     *("start", "solver", "missed\n[%]", "farthest\n[m]", "passes\nmedian", "p95", "max"),
     *("solve\n[µs]", "over pinocchio\n(95 % interval)"),

@@ -53,14 +53,12 @@ STUDY, METRIC, ERROR, CLOSED_FORM = "predictability", "predictability", "predict
 SIZES = (1e-9, 1e-6, 1e-3)
 """Sizes of the perturbations [m]."""
 DRAWS = 4
-"""Number of random directions per size."""
 
 
 NEAR = 2 * SIZES[-1]
 """Gap within which bodies touch at the start [m]: perturbations neither press these together nor separate
 them."""
 SCENES = ("fall", "bounce_e05", "collide_oblique", "cradle", "ball_snip")
-"""Default scenes."""
 
 
 def end(engine: Engine, task: Task) -> Array:
@@ -238,7 +236,6 @@ def _cell(row: Row) -> str:
 
 
 ACROSS = 3
-"""Largest number of panels side by side."""
 FLOOR = 1e-4
 """Smaller amplifications are drawn at this value [1]: the perturbation has vanished."""
 LEAST, MOST = 0.1, 100.0

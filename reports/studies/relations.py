@@ -49,6 +49,7 @@ POWERS = {"m": 2, "m/s": 1, "s": 1}
 """Power of the ratio of times with which a setting of this unit grows in Froude's law."""
 STILL = 1e-6
 """Distance that a body may move while trackers wait [m]."""
+AXES = np.eye(3)
 ARM = 0.05
 """Distance of the body-fixed points that are compared from their body's origin [m]: orientations count."""
 
@@ -71,7 +72,7 @@ def compare(engine: Engine, task: Task) -> Deviations:
     """Play the scene and all its changes in this process."""
     plain = bare(task.scenario)
     first = record(engine, plain, task.settings)
-    points = _points(first, plain, np.eye(3), 1.0)
+    points = _points(first, plain)
     size = _size(points)
     found: dict[str, float] = {}
     reasons: dict[str, str] = {}
@@ -100,11 +101,12 @@ def _deviation(engine: Engine, task: Task, plain: Scenario, first: Recording, na
     names = [body.name for body in changed.bodies]
     order = [names.index(body.name) for body in plain.bodies]
     theirs = _points(other, changed, relation.own, relation.scale)[relation.wait :, order]
-    if relation.wait and _distance(theirs[:1], _points(first, plain, np.eye(3), 1.0)[:1]) > STILL:
+    ours = _points(first, plain)
+    if relation.wait and _distance(theirs[:1], ours[:1]) > STILL:
         raise _NotApplied("bodies move while the trackers wait")
     way = np.outer(other.time, relation.speed) + np.outer(other.time**2 / 2, relation.push) + relation.offset
     back = (theirs - way[: len(theirs), None, None]) @ relation.matrix / relation.scale
-    return _distance(back, _points(first, plain, np.eye(3), 1.0))
+    return _distance(back, ours)
 
 
 def _rescaled(task: Task, times: float) -> Settings:
@@ -140,8 +142,7 @@ def _split(engine: Engine, task: Task, plain: Scenario, first: Recording) -> flo
     left = (plain.frame_count - half) / plain.frame_rate
     rest = replace(plain, bodies=bodies, body_joints=joints, duration=left)
     second = record(engine, rest, task.settings)
-    ones = np.eye(3)
-    return _distance(_points(second, plain, ones, 1.0), _points(first, plain, ones, 1.0)[half:])
+    return _distance(_points(second, plain), _points(first, plain)[half:])
 
 
 def _restarted(first: Recording, plain: Scenario, joint: BodyJoint, frame: int) -> BodyJoint:
@@ -174,11 +175,11 @@ def _amplification(engine: Engine, task: Task, plain: Scenario, points: Array) -
             other = record(engine, perturbed(plain, PERTURBATION, seed), task.settings)
         except AdapterError:
             return nan
-        found.append(_distance(_points(other, plain, np.eye(3), 1.0), points) / PERTURBATION)
+        found.append(_distance(_points(other, plain), points) / PERTURBATION)
     return max(found)
 
 
-def _points(recording: Recording, scenario: Scenario, own: Array, scale: float) -> Array:
+def _points(recording: Recording, scenario: Scenario, own: Array = AXES, scale: float = 1.0) -> Array:
     """World positions of three body-fixed points of every body (f, n, 3, 3) [m]; zero for fixed bodies."""
     frames, count = recording.position.shape[:2]
     turn = Rotation.from_quat(recording.orientation.reshape(-1, 4), scalar_first=True).as_matrix()
@@ -200,13 +201,11 @@ def _size(points: Array) -> float:
 STUDY = "relations"
 AMPLIFICATION = f"{STUDY}.amplification"
 METRICS = (*(f"{STUDY}.{name}" for name in NAMES), AMPLIFICATION)
-"""Metrics of the study's rows."""
 HELD = 1e-9
 """Largest deviation of a relation that holds, over the scene's size and its amplification [1]: rounding."""
 MOST_BODIES = 16
 """Largest number of bodies of a default scene: eleven runs of a larger one take DART minutes."""
 QUICK = ("fall", "slide", "stack", "bounce_e05", "collide_oblique", "roll", "double_pendulum")
-"""Scenes of a quick study."""
 
 
 def default_scenes() -> list[Scenario]:
@@ -261,18 +260,15 @@ def report(frame: pd.DataFrame) -> list[Part]:
         lines.append([name, *(_cell(mine[mine.index == column]) for column in columns)])
     heads = ["relation", *map(" ".join, columns)]
     failed = frame[frame.verdict.isin(["fail", "error"])][:LISTED]
-    return [Part("relations: changed scenes", heads, lines, (*NOTES, *_meanings())), failures(failed)]
+    meanings = [f"{one.name}: {one.summary}" for one in RELATIONS.values()]
+    notes = (*NOTES, *meanings, f"{SPLIT}: a run in two parts, the second from the state in the middle")
+    return [Part("relations: changed scenes", heads, lines, notes), failures(failed)]
 
 
 def _cell(part: pd.Series) -> str:
     if part.empty:
         return ""
     return f"{int((part <= HELD).sum())} of {len(part)}  {part.median():.0e} {part.max():.0e}"
-
-
-def _meanings() -> list[str]:
-    summaries = [f"{one.name}: {one.summary}" for one in RELATIONS.values()]
-    return [*summaries, f"{SPLIT}: a run in two parts, the second from the state in the middle"]
 
 
 FLOOR, CEILING = 1e-18, 10.0

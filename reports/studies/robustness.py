@@ -117,9 +117,7 @@ STUDY = "robustness"
 ALL = "all"
 """Scenario name of the rows over all kinds."""
 PROFILES = ("balanced", "accurate", "recommended")
-"""Default profiles."""
 WORST = 8
-"""Number of runs that are listed per column and class."""
 SPREADS: dict[str, tuple[tuple[str, float], ...]] = {
     # metric: percentiles
     "rise": (("p50", 50), ("p99", 99), ("max", 100)),
@@ -134,7 +132,6 @@ COUNTS = tuple(f"{STUDY}.{outcome.replace(' ', '_')}" for outcome in RANDOM_CLAS
 OPEN = f"{STUDY}.solves.open"
 """Metric: share of contact solves with a residual over RESIDUAL_OPEN [1]."""
 METRICS = (*COUNTS, *(f"{STUDY}.{name}.{part}" for name, parts in SPREADS.items() for part, _ in parts), OPEN)
-"""Metrics of the study's rows; each name begins with the study's."""
 Assessed = tuple[SeededTask, Assessment]
 
 
@@ -186,7 +183,6 @@ def rows_of_runs(runs: Sequence[Assessed]) -> list[Row]:
 
 
 def _figures(base: Row, found: list[Assessment]) -> list[Row]:
-    """Rows of one kind in a column."""
     outcomes = [one.outcome for one in found]
     rows = [
         replace(base, metric=metric, value=float(outcomes.count(outcome)), unit="1")
@@ -260,7 +256,6 @@ FIGURES = {
     "dropped": "dropped_time.max",
     "frame": "slowest.max",
 }
-"""Headings of columns, and the metrics below them."""
 NOTES = (
     "rise: of each run, the largest rise of energy in a frame over the energy at the start [1]",
     "residual: of each frame, what the contact solver left [m/s]; solves: share of contact solves that leave",
@@ -288,7 +283,6 @@ def report(frame: pd.DataFrame) -> list[Part]:
 
 
 def _column(title: str, part: pd.DataFrame) -> Part:
-    """Counts of outcomes and figures of a column, by kind of scene."""
     seen = [
         outcome
         for outcome, metric in zip(RANDOM_CLASSES, COUNTS)
@@ -313,7 +307,6 @@ def short(value: float) -> str:
 
 
 ACROSS = 2
-"""Number of panels side by side."""
 FLOOR = 1e-16
 """Smaller figures, and 0, are drawn at this value: rounding."""
 CEILING = 1e3
@@ -323,7 +316,6 @@ HUES = (
     "#0072B2", "#56B4E9", "#009E73", "#88CC00", "#F0E442", "#E69F00",
     "#D55E00", "#CC79A7", "#AA4499", "#882255", "#777777", "#000000",
 )  # fmt: skip
-"""Markers of the kinds of scene."""
 FAILED = ("hang", "non-finite", "exploded")
 """Outcomes that are drawn even if the rise is unknown."""
 

@@ -30,7 +30,6 @@ from touchstone.scenarios.scenario import TRACKED, Body, BodyJoint, PairCoeffici
 
 Fails = Callable[[Scenario], bool]
 MOST_TRIES = 200
-"""Largest number of scenes that are played to shrink one."""
 
 
 def shrunk(scenario: Scenario, fails: Fails, most: int = MOST_TRIES) -> Scenario:
@@ -40,7 +39,7 @@ def shrunk(scenario: Scenario, fails: Fails, most: int = MOST_TRIES) -> Scenario
         fails: whether a scene fails in the same way; it is called at most `most` times.
     """
     left = most
-    found = _bare(scenario)
+    found = replace(scenario, truths=(), forces=(), published=(), expectations=())
     better = True
     while better and left > 0:
         better = False
@@ -52,10 +51,6 @@ def shrunk(scenario: Scenario, fails: Fails, most: int = MOST_TRIES) -> Scenario
                 found, better = smaller, True
                 break
     return found
-
-
-def _bare(scenario: Scenario) -> Scenario:
-    return replace(scenario, truths=(), forces=(), published=(), expectations=())
 
 
 def _smaller(scenario: Scenario) -> Iterator[Scenario]:
@@ -82,7 +77,6 @@ def _without_bodies(scenario: Scenario) -> Iterator[Callable[[], Scenario]]:
 
 
 def _with(scenario: Scenario, bodies: tuple[Body, ...]) -> Scenario:
-    """Scene of some of its bodies, with the joints between them."""
     names = {WORLD, *(body.name for body in bodies)}
     kept = tuple(joint for joint in scenario.body_joints if {joint.parent, joint.child} <= names)
     return replace(scenario, bodies=bodies, body_joints=kept)
@@ -126,7 +120,6 @@ def _simpler(scenario: Scenario) -> Iterator[Callable[[], Scenario]]:
 
 ENGINE = "reference"
 SOUND = ("ok", "skipped", "residual")
-"""Classes that break no invariant."""
 PROCESSES = 2
 Listener = Callable[[str], None]
 
@@ -211,7 +204,6 @@ def soak(
 
 
 def _seeds(extent: Extent) -> Iterator[int]:
-    """Seeds of the scenes that are started in time."""
     end = monotonic() + 60 * extent.minutes
     for seed in count(extent.seed):
         if monotonic() >= end or (extent.most is not None and seed >= extent.seed + extent.most):

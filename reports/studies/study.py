@@ -9,14 +9,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from rich.text import Text
 
 from touchstone.adapters.contract import MISSING
 from touchstone.adapters.registry import installed, missing_reason
 from touchstone.reports.results import NOT_RUN, Row, illustrate, rows_of, save, save_manifest, table
 from touchstone.reports.runner.tasks import own_step
-from touchstone.reports.views.render import Part
+from touchstone.reports.views.render import Part, markdown
 from touchstone.reports.views.tables import exact_number
 from touchstone.reports.views.terminal import STYLES
 
@@ -82,6 +84,16 @@ def failure_lines(frame: pd.DataFrame) -> list[str]:
 def failures(frame: pd.DataFrame) -> Part:
     """`failure_lines` as a part of a report."""
     return Part(lines=failure_lines(frame))
+
+
+def extremes(values: ArrayLike) -> tuple[float, float, float]:
+    """Median of values, with the least and the largest."""
+    return float(np.median(values)), float(np.min(values)), float(np.max(values))
+
+
+def page_text(command: str, parts: Iterable[Part]) -> str:
+    """A report as a page in Markdown."""
+    return "\n".join([f"# touchstone {command}", *(line for part in parts for line in markdown(part))]) + "\n"
 
 
 MICRO = 1e6

@@ -41,7 +41,15 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.request import EVERY_ENGINE
 from touchstone.reports.runner.tasks import PROCESSES, played
-from touchstone.reports.studies.study import Column, RefusedError, failures, kept, missing_rows, with_interval
+from touchstone.reports.studies.study import (
+    Column,
+    RefusedError,
+    failures,
+    kept,
+    missing_rows,
+    page_text,
+    with_interval,
+)
 from touchstone.reports.views.matrix import GOOD, WARN
 from touchstone.reports.views.pictures import (
     DASHES,
@@ -57,7 +65,7 @@ from touchstone.reports.views.pictures import (
     rule,
     save,
 )
-from touchstone.reports.views.render import Part, markdown
+from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import number
 from touchstone.scenarios.files.safe_paths import DAMAGED, regular
 from touchstone.scenarios.scenario import GRAVITY, PairCoefficients, Scenario, Vector, vector
@@ -107,7 +115,6 @@ class Box:
 
 
 CUBE = Box((0.0524, 0.0524, 0.0524), 0.37, (8.1e-4, 8.1e-4, 8.1e-4))
-"""The cube of contact-nets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -576,7 +583,6 @@ def _face(orientation: Rotation) -> int:
 
 
 def _at(times: Array, played: Array, position: Array, orientation: Rotation) -> Motion:
-    """Motion at other times, by linear interpolation."""
     places = np.column_stack([np.interp(times, played, one) for one in position.T])
     return Motion(times, places, Slerp(played, orientation)(np.minimum(times, played[-1])))
 
@@ -668,7 +674,6 @@ FACE, CORNERS = f"{TOSSES}.face", f"{TOSSES}.corners"
 TIMES = (f"{TOSSES}.wall", f"{TOSSES}.processor")
 """Time that all engines take together, and that of their processes [s]."""
 REFERENCE: Column = ("reference", "balanced")
-"""Column whose floor is measured."""
 FLOOR, TRACKING = "floor", "tracking"
 """Names, beside the engines, of the floor and of what is measured."""
 BEFORE, GRID = 0.05, 0.01
@@ -796,7 +801,6 @@ def error_rows(base: Row, several: Sequence[Errors], width: float) -> list[Row]:
 
 
 def _quartiles(values: ArrayLike) -> tuple[float, float, float]:
-    """Median and quartiles of the finite values."""
     low, middle, high = np.nanquantile(np.asarray(values, dtype=float), (0.25, 0.5, 0.75)).tolist()
     return middle, low, high
 
@@ -845,8 +849,7 @@ def report(frame: pd.DataFrame) -> list[Part]:
 
 def text(frame: pd.DataFrame, path: Path) -> None:
     """Write `report.md`."""
-    lines = [f"# touchstone {STUDY}", *(line for part in report(frame) for line in markdown(part))]
-    path.write_text("\n".join(lines) + "\n", "utf-8")
+    path.write_text(page_text(STUDY, report(frame)), "utf-8")
 
 
 def page_of(frame: pd.DataFrame, path: Path) -> None:

@@ -124,7 +124,6 @@ class Space:
         return candidate
 
     def _joined(self, candidate: Settings, other: Settings) -> Settings | None:
-        """A candidate with the changes of another too."""
         found: Settings | None = candidate
         for text in other.changes:
             found = (found and self.changed(found, text)) or found
@@ -178,7 +177,6 @@ def _divides(scenario: Scenario, dt: float) -> bool:
 
 
 ROUNDS = 4
-"""Rounds of the search after the first."""
 DRAWS = 20
 """Largest number of draws for each new setting [1]."""
 FINALISTS = 3
@@ -265,7 +263,11 @@ class Search:
         timed = self._timed(list(dict.fromkeys((*finalists, *first))))
         answer = cheapest(sorted((timed[one] for one in finalists), key=lambda s: s.time), asked.limits)
         assert answer is not None
-        candidate = next(one for one in finalists if _same(timed[one], answer.best))
+        best = answer.best
+        key = best.profile, best.settings, best.dt
+        candidate = next(
+            one for one in finalists if (timed[one].profile, timed[one].settings, timed[one].dt) == key
+        )
         changed = self.ablations(candidate)
         self._play(list(changed.values()), scenes)
         without = self._timed(list(dict.fromkeys(changed.values())))
@@ -277,7 +279,6 @@ class Search:
 
     @property
     def _known(self) -> set[Settings]:
-        """Settings that were played."""
         return {candidate for candidate, _ in self._errors}
 
     def _new(self, kept: Sequence[Settings], count: int) -> list[Settings]:
@@ -319,7 +320,6 @@ class Search:
         return [names[k] for k in sorted(order)]
 
     def _tried(self, candidates: Sequence[Settings], names: Sequence[str]) -> list[Settings]:
-        """The candidates, best first."""
         distinct = list(dict.fromkeys(candidates))
         self._play(distinct, names)
         scored = [(one, self._rating(one, names)) for one in distinct]
@@ -337,7 +337,6 @@ class Search:
         )
 
     def _play(self, candidates: Sequence[Settings], names: Sequence[str]) -> None:
-        """Play what is not known yet."""
         keys = [(one, name) for one in candidates for name in names if (one, name) not in self._errors]
         cells = {key: self._cell(*key) for key in dict.fromkeys(keys)}
         if not cells:
@@ -420,11 +419,6 @@ class Search:
 def sources_of(name: str) -> tuple[str, str]:
     """Sources of a scene and of the same scene moved by a little: of the catalogue, or of a file."""
     return (CATALOGUE, PERTURBED) if name in catalogue() else (FILE, PERTURBED_FILE)
-
-
-def _same(one: MeasuredSetting, other: MeasuredSetting) -> bool:
-    keys = ("profile", "settings", "dt")
-    return all(getattr(one, key) == getattr(other, key) for key in keys)
 
 
 def cost_lines(asked: Asked) -> list[str]:

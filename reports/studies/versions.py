@@ -19,7 +19,7 @@ from rich.text import Text
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording, load
-from touchstone.adapters.workers.children import Children, Job, Outcome
+from touchstone.adapters.workers.children import Children, Job
 from touchstone.adapters.workers.environment import VersionError, VersionLoader, environment
 from touchstone.adapters.workers.import_check import try_imports
 from touchstone.adapters.workers.scratch import scratch_folder
@@ -132,10 +132,14 @@ def compare(
                             key = (version, scenario.name, outcome.job.settings.label)
                             times.setdefault(key, []).append(load(outcome.job.recording).time_frame)
                     if round_ == 0:
-                        for version, mine in _by_version(engine, outcomes).items():
-                            rows[version] += judge_outcomes(
-                                request, scenario, mine, found.results[version], progress
-                            )
+                        # under the engine's own name: limits and known failings are found by it
+                        for version, results in found.results.items():
+                            mine = [
+                                replace(one, job=replace(one.job, engine=engine))
+                                for one in outcomes
+                                if one.job.engine == label_of(engine, version)
+                            ]
+                            rows[version] += judge_outcomes(request, scenario, mine, results, progress)
     for version, results in found.results.items():
         results.frame = table(rows[version])
     first, *others = found.results
@@ -156,15 +160,6 @@ def _jobs(request: Request, scenario: Scenario, versions: list[str], folder: Pat
             job = job_of(request, scenario, engine, profile, place)
             jobs.append(replace(job, engine=label_of(engine, version)))
     return jobs
-
-
-def _by_version(engine: str, outcomes: list[Outcome]) -> dict[str, list[Outcome]]:
-    """Outcomes per version, under the engine's own name: limits and known failings are found by it."""
-    found: dict[str, list[Outcome]] = {}
-    for outcome in outcomes:
-        version = outcome.job.engine.partition("==")[2]
-        found.setdefault(version, []).append(replace(outcome, job=replace(outcome.job, engine=engine)))
-    return found
 
 
 def _differences(
@@ -225,6 +220,7 @@ SLOWER = 1.05
 """Ratio of times beyond which an interval counts as a change of speed, or its inverse [1]."""
 MOST_FIGURES = 20
 """Changed figures that the terminal shows; `changes.csv` has all."""
+SPEEDS = {"slower": "red", "faster": "green"}
 KINDS = ("worse", "gone", "better", "changed")
 FIGURE = ["scenario", "profile", "metric", "subject"]
 HEADS = ("scene", "version", "motion [mm]", "worse", "gone", "better", "other", "time", "95 %")
@@ -255,7 +251,10 @@ def sentences(found: Compared) -> Iterator[str]:
         yield f"{version}: physics: {'; '.join(_physics(found, mine, first))}"
         ratios = [one.time.value for one in mine if one.time is not None]
         if ratios:
-            words = [f"{word} in {', '.join(dict.fromkeys(names))}" for word, names in _speeds(mine) if names]
+            changed = {word: [one.scenario for one in mine if speed(one) == word] for word in SPEEDS}
+            words = [
+                f"{word} in {', '.join(dict.fromkeys(names))}" for word, names in changed.items() if names
+            ]
             middle = float(np.exp(np.mean(np.log(ratios))))
             remarks = "; ".join(words) or "no scene is clearly beyond 5 %"
             yield f"{version}: speed: frames take {middle:.2f} times as long as in {first}; {remarks}"
@@ -276,10 +275,6 @@ def _physics(found: Compared, mine: list[Difference], first: str) -> Iterator[st
         yield f"figures: {', '.join(counts)}"
     if ended:
         yield f"did not play to the end: {', '.join(ended)}"
-
-
-def _speeds(mine: list[Difference]) -> list[tuple[str, list[str]]]:
-    return [(word, [one.scenario for one in mine if speed(one) == word]) for word in ("slower", "faster")]
 
 
 def report(found: Compared) -> list[Part]:
@@ -304,13 +299,11 @@ def _line(found: Compared, one: Difference) -> list[Text | str]:
     ]
     counts = [int((mine.kind == kind).sum()) for kind in KINDS]
     motion = "=" if one.same else "ended" if np.isnan(one.motion) else number(one.motion * 1e3)
-    style = {"slower": "red", "faster": "green", "": ""}[speed(one)]
-    times = (
-        (Text(f"{one.time.value:.2f}", style=style), f"{one.time.low:.2f}-{one.time.high:.2f}")
-        if one.time
-        else ("-", "-")
-    )
-    return [one.version, motion, *(str(count) if count else "" for count in counts), *times]
+    line = [one.version, motion, *(str(count) if count else "" for count in counts)]
+    if one.time is None:
+        return [*line, "-", "-"]
+    ratio = Text(f"{one.time.value:.2f}", style=SPEEDS.get(speed(one), ""))
+    return [*line, ratio, f"{one.time.low:.2f}-{one.time.high:.2f}"]
 
 
 def _figures(found: Compared) -> Part:
@@ -323,7 +316,8 @@ def _figures(found: Compared) -> Part:
     values = found.frame.set_index([*FIGURE, "version"]).value
     for row in changed.head(MOST_FIGURES).to_dict("records"):
         key = tuple(row[name] for name in FIGURE)
-        shown = [_shown(key[2], float(values.get((*key, version), np.nan))) for version in versions]
+        figures = [float(values.get((*key, version), np.nan)) for version in versions]
+        shown = ["-" if np.isnan(one) else scaled_number(key[2], one) for one in figures]
         unit = unit_of(key[2])
         name = f"{key[2]} {key[3]}".strip()
         rows.append([row["kind"], key[0], name, "" if unit == "1" else unit, *shown])
@@ -331,7 +325,3 @@ def _figures(found: Compared) -> Part:
     notes = [f"{rest} more changed figures are in changes.csv"] if rest > 0 else []
     heads = ("", "scene", "figure", "unit", *versions)
     return Part("", heads, rows, notes, words=4, tight=True) if rows else Part()
-
-
-def _shown(metric: str, value: float) -> str:
-    return "-" if np.isnan(value) else scaled_number(metric, value)

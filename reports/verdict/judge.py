@@ -53,8 +53,7 @@ def judged_in(row: Row, scenario: Scenario, of_file: Iterable[Limit] = ()) -> Ro
         return row if is_foreign(scenario) else judged(row, scenario.tags)
     if isinf(own.largest) or is_undecided(row, own.largest):
         return row
-    met = abs(row.value) <= own.largest
-    return replace(row, limit=own.largest, verdict=_word(met), reason=_remark(row, own.reason))
+    return replace(_limited(row, own.largest), reason=_remark(row, own.reason))
 
 
 def judged(row: Row, tags: tuple[str, ...]) -> Row:
@@ -84,8 +83,7 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     found = row
     if limit is not None:
         basis = CONSTRUCTION if limit.by_construction else row.basis
-        met = abs(row.value) <= limit.largest
-        found = replace(row, limit=limit.largest, verdict=_word(met), basis=basis)
+        found = replace(_limited(row, limit.largest), basis=basis)
     reason = row.reason if limit is None else limit.reason
     if failing is not None:
         found, reason = _against(found, failing, reason, noisy)
@@ -149,9 +147,13 @@ def _of_torque(row: Row, tags: tuple[str, ...]) -> Row:
 
 def at_own_step(row: Row) -> bool:
     """Whether the row has its profile's own step and settings; with others a known failing may be gone."""
-    entry = ENGINES.get(row.engine)
-    own = entry.profiles.get(row.profile) if entry else row.dt
-    return own is not None and abs(own - row.dt) < 1e-9 * row.dt
+    return row.dt == row.dt if row.engine not in ENGINES else is_own_step(row.engine, row.profile, row.dt)
+
+
+def is_own_step(engine: str, profile: str, dt: float) -> bool:
+    """Whether a step [s] is that of a profile; of an engine or a profile that is not known none is."""
+    own = ENGINES[engine].profiles.get(profile) if engine in ENGINES else None
+    return own is not None and abs(own - dt) < 1e-9 * dt
 
 
 def _of_the_tracker(row: Row) -> bool:
@@ -162,8 +164,8 @@ def _of_the_tracker(row: Row) -> bool:
     )
 
 
-def _word(met: bool) -> str:
-    return "pass" if met else "fail"
+def _limited(row: Row, largest: float) -> Row:
+    return replace(row, limit=largest, verdict="pass" if abs(row.value) <= largest else "fail")
 
 
 def _remark(row: Row, reason: str) -> str:
@@ -224,17 +226,20 @@ def counted(rows: Iterable[Row], columns: Sequence[Column]) -> dict[Column, Coun
 def _count(mine: Mapping[str, list[Row]], judged: Sequence[str]) -> Count:
     verdicts, by_construction, apart = dict.fromkeys(WORST_LAST, 0), 0, {}
     for metric in judged:
-        worst = _worst(mine.get(metric, []))
-        if worst is None:
-            apart[metric] = _why_not(mine.get(metric, []))
-            continue
-        verdicts[worst.verdict] += 1
-        by_construction += worst.verdict == "pass" and worst.basis == CONSTRUCTION
+        rows = mine.get(metric, [])
+        if worst := _worst(rows):
+            verdicts[worst.verdict] += 1
+            by_construction += worst.verdict == "pass" and worst.basis == CONSTRUCTION
+        elif why := _unapplied(rows):
+            apart[metric] = why[0]
+        elif not rows or any(isfinite(row.value) for row in rows):
+            apart[metric] = NO_LIMIT if rows else NOT_REPORTED
+        else:
+            apart[metric] = rows[0].reason or NO_LIMIT
     return Count(len(judged), verdicts, by_construction, apart)
 
 
 def _worst(rows: Iterable[Row]) -> Row | None:
-    """The row with the worst verdict; None if no row has one."""
     judged = [row for row in rows if row.verdict in WORST_LAST]
     return max(judged, key=lambda row: WORST_LAST.index(row.verdict), default=None)
 
@@ -242,14 +247,6 @@ def _worst(rows: Iterable[Row]) -> Row | None:
 def _unapplied(rows: Iterable[Row]) -> list[str]:
     """The rows' reasons why the metric's limit does not apply."""
     return [row.reason for row in rows if row.basis == UNAPPLIED]
-
-
-def _why_not(rows: Sequence[Row]) -> str:
-    if not rows:
-        return NOT_REPORTED
-    if _unapplied(rows):
-        return _unapplied(rows)[0]
-    return NO_LIMIT if any(isfinite(row.value) for row in rows) else rows[0].reason or NO_LIMIT
 
 
 def measured(old: Mapping[Key, Failing], rows: Iterable[Row]) -> dict[Key, Failing]:

@@ -21,7 +21,7 @@ from touchstone.reports.results import Row
 from touchstone.scenarios.catalogue import tags
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.files.read import SceneFileError, data_of_file, placed
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import MetricLimit, Scenario
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -61,18 +61,14 @@ LIMITS = (
     *_each(tomllib.loads(FILE.read_text("utf-8"))["limits"]),
     *(Limit("effects.changed", 0, LEFT_OUT, "reference", subject=f"+{effect}") for effect in PLANNED),
 )
-"""All limits of ours."""
 
 
 def limit_of(row: Row, tags: tuple[str, ...], among: Iterable[Limit] | None = None) -> Limit | None:
     """The most specific limit of a row among LIMITS or others, the last of equals; None if there is none."""
     among = LIMITS if among is None else among
     candidates = [limit for limit in among if limit.metric == row.metric and _covers(limit, row, tags)]
-    return max(reversed(candidates), key=_specificity, default=None)
-
-
-def _specificity(limit: Limit) -> int:
-    return sum(map(bool, (limit.engine, limit.scenario, limit.profile, limit.subject)))
+    scope = ("engine", "scenario", "profile", "subject")
+    return max(reversed(candidates), key=lambda one: sum(bool(getattr(one, s)) for s in scope), default=None)
 
 
 def _covers(limit: Limit, row: Row, tags: tuple[str, ...]) -> bool:
@@ -114,26 +110,24 @@ def check_limits(scenarios: Iterable[Scenario]) -> None:
         f"{scenario.name}: limits[{i}].{field}: {text}"
         for scenario in scenarios
         for i, limit in enumerate(scenario.limits)
-        for field, text in (*_unknown(limit.metric, limit.engine, limit.profile), *_boundless(limit.largest))
+        for field, text in _faults(limit)
     ]
     if faults:
         raise SceneFileError("\n".join(faults))
 
 
-def _boundless(largest: float) -> Iterable[tuple[str, str]]:
-    if not largest >= 0:  # NaN too
-        yield "largest", f"found {largest:g}, expected a number from 0 on"
-
-
-def _unknown(metric: str, engine: str, profile: str) -> Iterable[tuple[str, str]]:
+def _faults(limit: Limit | MetricLimit) -> Iterator[tuple[str, str]]:
+    """Fields of a limit that name nothing, or bound nothing, and what is wrong."""
     profiles = dict.fromkeys(name for entry in ENGINES.values() for name in entry.profiles)
-    asked = (("metric", metric, valid_metrics()), ("engine", engine, ENGINES), ("profile", profile, profiles))
-    for field, name, valid in asked:
+    for field, valid in (("metric", valid_metrics()), ("engine", ENGINES), ("profile", profiles)):
+        name = getattr(limit, field)
         of_others = field == "engine" and ":" in name  # a class that is not registered
         if name not in valid and (name or field == "metric") and not of_others:
             near = difflib.get_close_matches(name, list(valid), n=3, cutoff=0.5)
             hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
             yield field, f"unknown {field} {name!r}{hint}"
+    if not limit.largest >= 0:  # NaN too
+        yield "largest", f"found {limit.largest:g}, expected a number from 0 on"
 
 
 def file_model() -> type[BaseModel]:
@@ -161,7 +155,7 @@ def limits_of_file(path: Path) -> tuple[Limit, ...]:
     data, faults, message_of = data_of_file(path, file_model())
     found = [tuple(_each([{"reason": OF_FILE, **entry}])) for entry in data.get("limits", ())]
     for i, of_entry in enumerate(found):
-        unknown = [fault for one in of_entry for fault in _unknown(one.metric, one.engine, one.profile)]
+        unknown = [fault for one in of_entry for fault in _faults(one)]
         faults += [(placed(f"limits[{i}].{field}"), text) for field, text in dict.fromkeys(unknown)]
     if faults:
         raise SceneFileError(message_of(faults))

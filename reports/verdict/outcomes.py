@@ -65,15 +65,12 @@ RANDOM_CLASSES = (
     *("skipped", "error", "hang", "non-finite", "exploded", "tunnelled"),
     *("overlap", "momentum", "rise", "work", "residual", "ok"),
 )
-"""Classes of random scenes."""
 HARD_CLASSES = tuple(
     name for name in CLASSES if name not in ("hang", "overlap", "momentum", "rise", "work", "residual")
 )
-"""Classes of hard scenes."""
 SILENT = HARD_CLASSES[HARD_CLASSES.index("non-finite") : HARD_CLASSES.index("ok")]
 """Failures of hard scenes that the engine did not announce."""
 SURVIVED = ("ok",)
-"""Classes that count as survived."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -396,16 +393,11 @@ def _beyond_work(context: Context, u: float) -> float:
         return nan
     u += sum(np.abs(work).max() for work in drive_work(context).values())
     found = energy_rise(context, rigid=True)
-    rise = float(found.get("driven", found["simulated"]).max()) - _unconverged_work(context)
-    return max(0.0, rise) / u
-
-
-def _unconverged_work(context: Context) -> float:
-    """Sum over frames of the residual times all impulses [J]."""
     recording = context.recording
     residual = recording.work[:, recording.work_names.tolist().index("residual")]
     sizes = np.linalg.norm(recording.contacts["impulse"], axis=1)
-    return float(residual @ np.bincount(context.contact_frame, sizes, len(residual))[: len(residual)])
+    unconverged = residual @ np.bincount(context.contact_frame, sizes, len(residual))[: len(residual)]
+    return max(0.0, float(found.get("driven", found["simulated"]).max()) - float(unconverged)) / u
 
 
 def _too_fast(context: Context, given: float) -> bool:

@@ -176,6 +176,5 @@ def warning(base: Row, context: Context) -> str | None:
 
 
 def _value(context: Context, metric: str) -> float:
-    """Value of a metric of KINDS for the whole run."""
     found = METRICS[metric].measure(context)[""]
     return found.value if isinstance(found, Value) else found

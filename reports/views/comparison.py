@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import product
 from math import exp, inf, isfinite, log
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,7 +54,6 @@ class Topic:
 LARGEST_SCENE_COUNT = 6
 """Largest number of scenes that are all drawn over time; of more, only the gallery's."""
 PAIRS_DRAWN = 3
-"""Largest number of pairs of a scene whose forces are drawn."""
 FORCE_PICTURE = "forces.png"
 SAME_SHARE = 0.02
 """Relative difference within which two values are equal [1]: about the repeatability of medians in one
@@ -214,8 +214,11 @@ def sections(request: Request, results: Results) -> list[Section]:
             lines = [line for line in found_lines if line]
             apart = [line for line in lines if line.differs]
             section.lines.extend(apart)
-            for line in apart:
-                _add_gaps(section.gaps, line, rows)
+            for line, row in product(apart, rows):
+                here = row.metric == line.metric and row.subject in ("", line.subject)
+                if here and row.engine not in line.rows and row.reason:
+                    said = f"{row.engine}, `{row.metric}`: {row.reason}"
+                    section.gaps.setdefault(said, []).append(line.scenario)
             if not apart:
                 (section.equal if lines else section.without).append(scenario.name)
     return found
@@ -230,13 +233,6 @@ def _line(rows: list[Row], metric: str, same: float) -> Line | None:
             by_subject.setdefault(row.subject, {})[row.engine] = row
     lines = [Line(metric, subject, same, found) for subject, found in by_subject.items() if len(found) > 1]
     return max(lines, key=lambda line: (len(line.rows), np.ptp(list(line.values.values()))), default=None)
-
-
-def _add_gaps(gaps: dict[str, list[str]], line: Line, rows: list[Row]) -> None:
-    for row in rows:
-        here = row.metric == line.metric and row.subject in ("", line.subject)
-        if here and row.engine not in line.rows and row.reason:
-            gaps.setdefault(f"{row.engine}, `{row.metric}`: {row.reason}", []).append(line.scenario)
 
 
 def command(request: Request, line: Line) -> str:
@@ -282,7 +278,6 @@ def force_panels(request: Request, results: Results) -> list[ForcePanel]:
 
 
 ACROSS = 3
-"""Largest number of panels side by side."""
 PANEL, ROW, TIMES, MILLI = (210, 120), 20, 34, 1e3
 """Width and height of a panel, heights of rows of dots and of times [point]; milliseconds in a second."""
 BELOW, LEAST_EXCESS = 0.1, 1e-4
@@ -336,7 +331,6 @@ def draw_forces(request: Request, results: Results, folder: Path) -> None:
 
 
 def _marks(own: Columns) -> Looks:
-    """Looks of engines by the headings of their columns."""
     return encoded(map(color_of, own), map(marker_of, own), list(map(head, own.values())))
 
 
@@ -354,7 +348,6 @@ def _force_panel(panel: ForcePanel, own: Columns) -> Any:
 
 
 def _lines(courses: Mapping[str, tuple[Array, Array]], own: Columns) -> Any:
-    """A line per engine over time."""
     parts = [
         pd.DataFrame({"time": time, "value": values, "engine": head(own[engine])})
         for engine, (time, values) in courses.items()

@@ -80,7 +80,6 @@ FORCE_FIGURES = ("force.contact.mean", "force.contact.peak", "force.contact.impu
 
 
 def _forces(request: Request, results: Results) -> Part:
-    """Contact forces."""
     own, frame = columns(results), results.frame
     figures = {
         (row.scenario, row.subject, row.engine, row.metric): number(row.value)
@@ -231,7 +230,6 @@ def _budget(scene: pd.DataFrame) -> Part:
 
 
 def _spreads(scene: pd.DataFrame) -> Part:
-    """How far engines differ in events."""
     rows = [
         [f"`{row.metric}` {row.subject}", f"{number(row.value)} {row.unit}", row.verdict, row.reason]
         for row in rows_of(scene[(scene.engine == "all") & ~scene.metric.isin([SPREAD, HORIZON])])

@@ -37,7 +37,6 @@ class Topic:
 
 
 BAD, WARN, GOOD = "bad", "warn", "good"
-"""Levels of a run."""
 LIMITS = "limits"
 TOPICS = (
     Topic("overlap", ("overlap.max",), ("overlap.",), "mm"),
@@ -150,7 +149,6 @@ def _limit_entries(
 
 
 Found = dict[str, dict[tuple[str, Column], Entry]]
-"""Cells by scene."""
 
 
 def worst_of(found: Found, columns: Sequence[Column]) -> dict[tuple[str, Column], Entry]:

@@ -44,12 +44,12 @@ def card_rows(scenario: Scenario, file: Path | None = None) -> list[dict[str, ob
     held, reasons = _held(scenario)
     rows: list[dict[str, object]] = []
     for tracker in driven:
-        rows.append(_row(REFEREE, tracker, scenario, _referee(scenario, tracker), 0.0, ""))
+        rows.append(_row(REFEREE, tracker, scenario, _referee(scenario, tracker), "", "the scene itself"))
         for engine, recording in held.items():
             whole = _whole(scenario, tracker, recording)
             off = deviation(scenario, tracker, recording)
             found = ("agrees" if off <= AGREED else "differs", ENGINES[engine].rounding)
-            row = _row(engine, tracker, scenario, whole, off, "; ".join(filter(None, found)))
+            row = _row(engine, tracker, scenario, whole, f"{off:.1e}", "; ".join(filter(None, found)))
             facts = recording.facts
             links = [scenario.bodies[k].name for k in scenario.links(tracker)]
             row |= {"pieces": sum(facts["pieces"][name] for name in links), "freedom": facts["freedom"]}
@@ -82,7 +82,6 @@ def _file_row(scenario: Scenario, file: Path, first: Mapping[str, object]) -> di
 
 
 def _driven(scenario: Scenario) -> list[Tracker]:
-    """Trackers of driven bodies."""
     return [tracker for tracker in scenario.trackers if not scenario.prescribes(tracker)]
 
 
@@ -91,7 +90,7 @@ def _row(
     tracker: Tracker,
     scenario: Scenario,
     whole: tuple[float, Array, Array],
-    off: float,
+    off: str,
     remark: str,
 ) -> dict[str, object]:
     mass, center, inertia = whole
@@ -105,8 +104,8 @@ def _row(
         "freedom": free + sum(6 + len(t.joints) for t in _driven(scenario)),
         "hinges": len(tracker.joints),
         "pieces": sum(len(scenario.bodies[k].pieces) for k in scenario.links(tracker)),
-        "deviation": f"{off:.1e}" if model != REFEREE else "",
-        "remark": remark or "the scene itself",
+        "deviation": off,
+        "remark": remark,
     }
 
 

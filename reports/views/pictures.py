@@ -26,13 +26,11 @@ DOTS, DASHES = [1, 2], [4, 3]
 PALETTE = 256
 """Colours of a PNG [1]."""
 NOTHING = pd.DataFrame([{}])
-"""Data of marks of which there is one."""
 Looks = Mapping[str, Any]
 """Colour and shape of marks, for `encode`."""
 DECADES, SHORT = 8, 100.0
 """Most ticks of a logarithmic axis, and largest ratio of its ends with ticks within decades [1]."""
 POWERS = "replace(format(datum.value, datum.value < 1e-3 || datum.value > 1e5 ? '.0e' : '~g'), '+', '')"
-"""Text of a tick of a logarithmic axis."""
 
 
 def color_of(engine: str) -> str:

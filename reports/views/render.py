@@ -160,7 +160,6 @@ def _fits(table: Table, columns: list[Column], out: Console) -> bool:
 
 
 def _widths(table: Table, out: Console) -> Measurement:
-    """Least and largest width of a table on a screen of any width."""
     return Measurement.get(out, out.options.update(width=WIDEST), table)
 
 

@@ -21,9 +21,9 @@ KEYS = ("scenario", "engine", "profile", "settings", "dt", "seed")
 def report(frame: pd.DataFrame) -> list[Part]:
     """The median over repeats of SHOWN; a cell that failed shows its reason."""
     metrics = [name for name in SHOWN if frame[frame.metric == name].value.notna().any()]
-    timed, seeded = (frame.measure == TIMING).any(), frame.seed.nunique() > 1
-    heads = [*TEXTS, *(["seed"] if seeded else []), "step [s]", *map(_head, metrics)]
-    heads += [*(["frame [us]"] if timed else []), "outcome"]
+    timed, seeded = bool((frame.measure == TIMING).any()), frame.seed.nunique() > 1
+    heads = [*TEXTS, *["seed"] * seeded, "step [s]", *(f"{name} [{in_tables(name)[0]}]" for name in metrics)]
+    heads += [*["frame [us]"] * timed, "outcome"]
     rows = []
     for _, part in frame.groupby(list(KEYS), sort=False):
         first = part.iloc[0]
@@ -33,10 +33,6 @@ def report(frame: pd.DataFrame) -> list[Part]:
         texts = [first.scenario, first.engine, label, *([str(first.seed)] if seeded else [])]
         rows.append([*texts, step_text(first["dt"]), *values, _outcome(part)])
     return [Part(plural(frame.cell.nunique(), "cell"), heads, rows, words=len(TEXTS) + seeded, last=1)]
-
-
-def _head(metric: str) -> str:
-    return f"{metric} [{in_tables(metric)[0]}]"
 
 
 def _value(part: pd.DataFrame, metric: str) -> str:

@@ -155,7 +155,6 @@ def _total(
 
 
 def _cause(row: Row) -> str:
-    """A reason without the worst body."""
     return BODY.sub("", row.reason)
 
 
@@ -351,9 +350,7 @@ NAMED = 1
 BROKEN_SHOWN = 12
 """Causes of broken limits that are shown; those beyond are counted."""
 PLACES = 3
-"""Scenes that a line names beside the worst."""
 UNMARKED = "\N{NO-BREAK SPACE}" * 2
-"""Takes the place of a mark."""
 OF_TOPICS = tuple(start for topic in TOPICS for start in topic.starts)
 LETTERS = {topic.name: topic.name[0] for topic in TOPICS}
 MATRIX_LEGEND = (
@@ -390,7 +387,6 @@ def _matrix(found: Found, columns: Sequence[Column]) -> Part:
 
 
 def _scenes(found: Found, columns: Sequence[Column]) -> Part:
-    """A line for each scene and column."""
     heads = ["scene", "engine", "met\n", *(f"{topic.name}\n{topic.unit}" for topic in TOPICS), "also misses"]
     rows: list[list[str | Text]] = []
     for scene, mine in found.items():
@@ -404,7 +400,6 @@ def _scenes(found: Found, columns: Sequence[Column]) -> Part:
 
 
 def _many(found: Found, columns: Sequence[Column]) -> Part:
-    """A line for each scene."""
     heads = ["scene", *(f"{engine}\n{profile}\nmet{'time':>12}" for engine, profile in columns)]
     rows: list[list[str | Text]] = [
         [scene, *(_summary(mine, column) for column in columns)] for scene, mine in found.items()
@@ -484,7 +479,6 @@ def _figure_of(row: Row) -> str:
 
 
 def _known_lines(rows: Sequence[Row], columns: Iterable[Column]) -> Iterator[str]:
-    """Numbers of known failings per column."""
     counts = []
     for column in columns:
         mine = [row for row in rows if row.verdict == "known" and (row.engine, row.profile) == column]
@@ -496,7 +490,6 @@ def _known_lines(rows: Sequence[Row], columns: Iterable[Column]) -> Iterator[str
 
 
 def _absent_lines(rows: Sequence[Row]) -> Iterator[str]:
-    """Runs that did not take place, a reason each."""
     found: dict[str, dict[str, None]] = {}
     for row in rows:
         if row.metric == "run" and row.verdict in NOT_RUN:
@@ -506,7 +499,6 @@ def _absent_lines(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _lost_lines(frame: pd.DataFrame) -> Iterator[str]:
-    """Where the reference loses, and what is farthest apart."""
     lost = [f"{metric} ({scenes})" for metric, _, scenes, *_ in loss_rows(frame)]
     if lost:
         yield f"the reference loses to an engine in: {', '.join(lost)} scenes"

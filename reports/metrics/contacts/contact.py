@@ -165,7 +165,7 @@ def _judged(context: Context) -> list[tuple[str, Bounce, float]]:
     found = {
         (a, b): bounces(context, (a, b))
         for (a, b), distance in context.distances.distance.items()
-        if _followed(distance) and _central(context, a, b)
+        if np.isfinite(distance).all() and _central(context, a, b)  # near or not, the oracle computed it
     }
     judged: list[tuple[str, Bounce, float]] = []
     for pair, all_bounces in found.items():
@@ -202,11 +202,6 @@ def _central(context: Context, a: int, b: int) -> bool:
 def _is_ball(body: Body) -> bool:
     single = body.kind == "simulated" and len(body.pieces) == 1 and isinstance(body.pieces[0].shape, Sphere)
     return single and body.pieces[0].position == body.center_of_mass == ORIGIN
-
-
-def _followed(distance: Array) -> bool:
-    """Whether the oracle computed the pair in every frame, not only where it is near."""
-    return bool(np.isfinite(distance).all())
 
 
 def complementarity(context: Context) -> Values:

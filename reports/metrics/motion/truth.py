@@ -14,7 +14,6 @@ from touchstone.reports.metrics.contacts.forces import force_between
 from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
 from touchstone.reports.metrics.motion.events import bounces
 from touchstone.scenarios.closed_form import flips
-from touchstone.scenarios.scenario import Arc
 from touchstone.scenarios.truths.body_motion import Motion
 from touchstone.scenarios.truths.impact_laws import outcomes
 from touchstone.scenarios.truths.published import FRONT, MOMENT, members
@@ -113,7 +112,6 @@ def published_error(context: Context) -> Values:
 SAME_PLACE = 1e-9
 """Distance within which a body starts at the mirror image of another's place [m]: rounding."""
 MIRROR = np.array([-1.0, 1.0, 1.0])
-"""Reflection x -> -x."""
 
 
 def symmetry_mirror(context: Context) -> Values:
@@ -183,7 +181,8 @@ def bounce_height(context: Context) -> Values:
     found = {}
     for truth in context.scenario.truths:
         body, g = context.scenario.body_index(truth.body), float(np.linalg.norm(context.gravity))
-        asked = _heights(truth.arcs, g, context.frame)
+        ups = [a.velocity[2] for a in truth.arcs[1:] if a.velocity[2] > 0 > a.acceleration[2]]
+        asked = [up**2 / (2 * g) for up in ups if 2 * up / g >= SHORTEST_ARC_FRAMES * context.frame]
         if not asked:
             continue
         fixed = next(k for k, kind in enumerate(context.kind) if kind == "fixed")
@@ -194,12 +193,6 @@ def bounce_height(context: Context) -> Values:
     if not found:
         raise NotMeasured("by the scene's truth nothing bounces")
     return found
-
-
-def _heights(arcs: tuple[Arc, ...], g: float, frame: float) -> list[float]:
-    """Heights of the arcs that start upwards, against gravity, and last long enough [m]."""
-    speeds = [arc.velocity[2] for arc in arcs[1:] if arc.velocity[2] > 0 > arc.acceleration[2]]
-    return [speed**2 / (2 * g) for speed in speeds if 2 * speed / g >= SHORTEST_ARC_FRAMES * frame]
 
 
 def rotation_flip(context: Context) -> Values:

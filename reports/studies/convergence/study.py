@@ -82,7 +82,6 @@ def columns_of(engines: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def _step(engine: str, profile: str) -> float:
-    """Own step of a column [s]."""
     return own_step(engine, profile.removesuffix(WHOLE))
 
 
@@ -90,19 +89,10 @@ def cells(names: Sequence[str], engines: Sequence[str]) -> list[Cell]:
     """All cells, scene by scene."""
     require_truths((catalogue()[name] for name in names), "truth")
     return [
-        Cell(
-            name,
-            engine,
-            profile.removesuffix(WHOLE),
-            dt,
-            changes,
-            effects=True,
-            measure=MEASURE,
-            source=SOURCE,
-        )
+        Cell(name, engine, plain, dt, changes, effects=True, measure=MEASURE, source=SOURCE)
         for name in names
         for engine, profile in columns_of(engines)
-        for changes in [UNDIVIDED if profile.endswith(WHOLE) else ()]
+        for plain, changes in [(profile.removesuffix(WHOLE), UNDIVIDED if profile.endswith(WHOLE) else ())]
         # all effects: at coarse steps bodies leave a plan's bounds
         for dt in dict.fromkeys((*STEPS, _step(engine, profile)))
     ]
@@ -183,14 +173,10 @@ def findings(errors: pd.DataFrame) -> Iterator[Row]:
             yield replace(base, metric=FLOOR, value=found.floor, reason="still falls" if found.falls else "")
         first = ladder[(ladder.engine == REFERENCE) & (ladder.profile == BALANCED)]
         for ours, theirs in product(rows_of(first), rows_of(ladder)):
-            if theirs.dt == ours.dt and theirs.engine != REFERENCE and _nearer(theirs.value, ours.value):
+            ratio = ours.value / max(theirs.value, EXACT)
+            if theirs.dt == ours.dt and theirs.engine != REFERENCE and ratio > NEAR:
                 numbers = f"{number(theirs.value)} beside {number(ours.value)} at {step_text(ours.dt)} s"
-                ratio = ours.value / max(theirs.value, EXACT)
                 yield replace(ours, metric=NEARER, subject=theirs.engine, value=ratio, reason=numbers)
-
-
-def _nearer(theirs: float, ours: float) -> bool:
-    return ours > NEAR * max(theirs, EXACT)
 
 
 HEADS = ("engine", "own step\n[s]", "error", "order\n(95 % interval)", "floor", "nearer than\nthe reference")

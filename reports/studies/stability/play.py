@@ -112,7 +112,6 @@ def play_scenario(
 def _play(
     engine: Engine, scenario: Scenario, checks: Checks, settings: Settings, budget: float
 ) -> tuple[Outcome, Recording | None]:
-    """Outcome, and the recording up to a failure."""
     player: Player | None = None
     ended = ""
     try:
@@ -170,7 +169,6 @@ def _judge(name: str) -> str:
 
 @cache
 def _sources() -> bytes:
-    """Sources of the judge and of the play."""
     paths = [Path(outcomes.__file__), Path(figures.__file__), Path(__file__)]
     return b"".join(path.read_bytes() for path in sorted(paths))
 
@@ -200,9 +198,7 @@ def _played(cell: Cell, rows: pd.DataFrame) -> Played:
 
 
 PROFILES = ("balanced", "accurate", "paper", "default", "recommended", "maximal")
-"""Default profiles."""
 QUICK = ("balanced", "accurate", "default", "recommended", "maximal")
-"""Profiles of a quick study."""
 STEPS = (1 / 30, 1 / 240, 1 / 1920)
 """Native steps [s] of all engines beside the own step of each profile."""
 BUDGET, QUICK_BUDGET = 2.0, 1.5

@@ -54,7 +54,6 @@ from touchstone.scenarios.difficulty.family import Family, hard_names, hard_scen
 from touchstone.scenarios.scenario import Scenario
 
 PER_SHEET = 20
-"""Cells of one picture."""
 UNSEEN = ("skipped", "error")
 """Classes of cells that have no recording."""
 
@@ -96,10 +95,8 @@ def write_sheets(
 
 
 ACROSS = 4
-"""Cells in a row of a sheet."""
 MOMENTS = ("start", "middle", "end")
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Colours of bodies, in turn (Okabe and Ito)."""
 FIXED = "#D9D9D9"
 QUANTITIES = {"speed [m/s]": "#0072B2", "turn [rad/s]": "#009E73", "overlap [m]": "#D55E00"}
 FLOOR, LEAST = 1e-12, 1e-10
@@ -133,7 +130,10 @@ def _moments(scenario: Scenario, run: Recording) -> list[Any]:
     moving = [k for k, body in enumerate(scenario.bodies) if body.kind != "fixed"]
     last = len(run.time) - 1
     frames = (0, last // 2, last)
-    shapes = [np.concatenate(_moving(scenario, run, moving, frame)) for frame in frames]
+    shapes = [
+        np.concatenate([run.position[f, moving], *(p for k in moving for p in _pieces(scenario, run, k, f))])
+        for f in frames
+    ]
     size = max(float(np.ptp(shapes[0], axis=0).max()), TINY)
     places = run.position[:, moving]
     seen = [shape[np.isfinite(shape).all(axis=1)] for shape in shapes]
@@ -206,11 +206,6 @@ def _series(context: Context) -> Any:
     return drawn.properties(width=3 * MOMENT + 10, height=MOMENT / 2)
 
 
-def _moving(scenario: Scenario, run: Recording, moving: Sequence[int], frame: int) -> list[Array]:
-    """World points on the surfaces of moving bodies in a frame [m]."""
-    return [run.position[frame, moving], *(p for k in moving for p in _pieces(scenario, run, k, frame))]
-
-
 def _pieces(scenario: Scenario, run: Recording, body: int, frame: int) -> list[Array]:
     """World points (n, 3) [m] on the surface of each of a body's pieces in a frame."""
     turn = run.orientation[frame, body]
@@ -226,7 +221,6 @@ REFERENCE = "reference"
 JUDGED = ("balanced", "accurate")
 """Profiles of the reference that must not fail silently."""
 SHOWN = ("default", "recommended")
-"""Profiles of an engine that are shown, beside its best one."""
 LEAST_CONTAINED = 0.8
 """Share of the families in which the reference's envelope must contain that of every engine [1]."""
 
@@ -355,13 +349,9 @@ def _basis(family: Family, engine: str) -> str:
 def _survival_rows(found: Envelope, family: Family, column: Column) -> list[Row]:
     key = (STUDY, family.name, *column, own_step(*column))
     last, failure = found.survived(family, column)
-    level, text = (
-        (nan if last is None else last),
-        f"the most difficult {family.quantity} before the first failure",
-    )
-    levels = Row(
-        *key, LEVELS, level, family.unit, failure or "all", basis=_basis(family, column[0]), reason=text
-    )
+    text, basis = f"the most difficult {family.quantity} before the first failure", _basis(family, column[0])
+    level = nan if last is None else last
+    levels = Row(*key, LEVELS, level, family.unit, failure or "all", basis=basis, reason=text)
     if found.scope.quick:
         return [levels]
     easiest = family.levels[0]
@@ -428,7 +418,6 @@ LOOKS: dict[str, tuple[str, str]] = {
 }
 """Colour and letter of each class; empty: not played."""
 DARK = ("non-finite", "auto-reset", "exploded", "tunnelled", "error", "gave up", "sink-through")
-"""Classes whose letters are white."""
 SQUARE = 13
 """Side of a cell [point]."""
 Sided = tuple[Sequence[str] | None, Any]
@@ -494,7 +483,6 @@ NOTES = (
     "best: the profile of an engine with most cells that are ok; counts below are of all that were played.",
 )
 LISTED = 20
-"""Number of silent failures that are listed."""
 
 
 def report(frame: pd.DataFrame) -> list[Part]:
@@ -514,9 +502,10 @@ def report(frame: pd.DataFrame) -> list[Part]:
     failed = frame[(frame.metric == OUTCOME) & (frame.verdict == "fail")]
     lines += [f"{row.subject}: {row.reproduce}: {row.reason}" for row in rows_of(failed[:LISTED])]
     lines += [f"and {len(failed) - LISTED} more in cells.csv"] if len(failed) > LISTED else []
-    title = "stability: the most difficult level survived"
+    title, seen = "stability: the most difficult level survived", set(frame[frame.metric == OUTCOME].subject)
+    letters = "; ".join(f"{one}: {name}" for name, (_, one) in LOOKS.items() if one and name in seen)
     return [
-        Part(title, ["family", *heads], rows, (*NOTES, _letters(frame))),
+        Part(title, ["family", *heads], rows, (*NOTES, letters)),
         _counts(frame, columns),
         Part(lines=lines),
         failures(frame[frame.metric == "run"]),
@@ -524,7 +513,6 @@ def report(frame: pd.DataFrame) -> list[Part]:
 
 
 def _ok(frame: pd.DataFrame, column: Column) -> int:
-    """Cells of a column at its own step that are ok."""
     mine = frame[(frame.metric == OUTCOME) & (frame.engine == column[0]) & (frame.profile == column[1])]
     return int((mine.subject.isin(SURVIVED) & np.isclose(mine["dt"], own_step(*column))).sum())
 
@@ -536,13 +524,7 @@ def _cell(row: Row) -> str:
     return f"{'-' if row.value != row.value else level_text(row.value)} {LOOKS[row.subject][1]}{posed}"
 
 
-def _letters(frame: pd.DataFrame) -> str:
-    seen = set(frame[frame.metric == OUTCOME].subject)
-    return "; ".join(f"{letter}: {name}" for name, (_, letter) in LOOKS.items() if letter and name in seen)
-
-
 def _counts(frame: pd.DataFrame, columns: list[tuple[str, str]]) -> Part:
-    """The number of cells of each class per column."""
     cells = frame[frame.metric == OUTCOME]
     names = [name for name in LOOKS if name in set(cells.subject)]
     letters = [LOOKS[name][1] or name for name in names]

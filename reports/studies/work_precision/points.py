@@ -42,10 +42,8 @@ QUICK = ("ball_snip", "fall", "bounce_e05", "slide", "stack")
 STEPS = tuple(1 / (60 * 2**k) for k in range(6))
 """Native steps of every engine [s]."""
 QUICK_LADDER = ("ball_snip", "bounce_e05")
-"""Scenes of the ladder in the quick study."""
 QUICK_STEPS = (1 / 60, 1 / 240, 1 / 960)
 REPEATS, QUICK_REPEATS = 3, 2
-"""Rounds of timing, each with new processes."""
 PROFILES: dict[str, tuple[str, ...]] = {
     REFERENCE: ("paper", "balanced", "accurate"),
     "mujoco": ("recommended", "default", "accurate"),

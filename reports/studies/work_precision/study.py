@@ -273,7 +273,9 @@ class StudyCells:
         """All accuracy cells: longest scenes first, so that all processes end at about the same time, and
         smallest steps first; scene by scene, because processes keep what they derive from a scene."""
         cells = dict.fromkeys([*self.truths, *self.measured, *self.ladder])
-        return sorted(cells, key=lambda cell: (-_size(cell.scenario), cell.scenario, cell.dt))
+        scenes = {cell.scenario: catalogue()[cell.scenario] for cell in cells}
+        sizes = {name: len(one.bodies) * one.duration for name, one in scenes.items()}
+        return sorted(cells, key=lambda cell: (-sizes[cell.scenario], cell.scenario, cell.dt))
 
     @property
     def timing(self) -> list[Cell]:
@@ -285,12 +287,6 @@ class StudyCells:
     def size(self) -> int:
         """Number of cells."""
         return len(self.accuracy) + len(self.timing)
-
-
-def _size(scene: str) -> float:
-    """Bodies times simulated seconds: what a step size costs in a scene, roughly."""
-    scenario = catalogue()[scene]
-    return len(scenario.bodies) * scenario.duration
 
 
 def measure(
@@ -402,7 +398,6 @@ def _answers(table: pd.DataFrame) -> Part:
 
 
 MOST_OFTEN = 4
-"""Settings of an engine that are named."""
 
 
 def _on_fronts(table: pd.DataFrame) -> Part:
@@ -443,7 +438,9 @@ def _ladder(ladder: pd.DataFrame) -> Part:
             before, after = max(row.before, floor), max(row.after, floor)
             if not 1 / LADDER_SHOWN < after / before < LADDER_SHOWN:
                 values = f"{number(row.before, row.unit)} -> {number(row.after, row.unit)}"
-                moved.append((abs(_log(after / before)), f"{row.scenario} {row.quantity} {values}"))
+                ratio = after / before
+                size = abs(log(ratio)) if 0 < ratio < inf else inf
+                moved.append((size, f"{row.scenario} {row.quantity} {values}"))
         texts = [text for _, text in sorted(moved, reverse=True)]
         more = f"; {len(texts) - 3} more" if len(texts) > 3 else ""
         times = part.drop_duplicates("scenario").time_ratio
@@ -453,16 +450,10 @@ def _ladder(ladder: pd.DataFrame) -> Part:
 
 
 def _rows(frame: pd.DataFrame) -> Iterator[Any]:
-    """Rows as named tuples."""
     return iter(frame.itertuples())
 
 
-def _log(ratio: float) -> float:
-    return log(ratio) if 0 < ratio < inf else inf
-
-
 ACROSS = 3
-"""Panels side by side."""
 APART = "truth not converged"
 PANEL = {"width": 200, "height": 150}
 LEGEND = "line: front over an engine's settings; faint: the others; bar: rounds of timing; dotted: tolerance"

@@ -13,7 +13,7 @@ from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import planned_for, record
 from touchstone.adapters.registry import ENGINES, OURS, available, load
 from touchstone.adapters.workers.variants import Pace, Variant
-from touchstone.reports.docs.listing import engines, show_rows
+from touchstone.reports.docs.listing import engine_rows, show_rows
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.runner.tasks import own_settings
 from touchstone.reports.studies import effects
@@ -57,7 +57,7 @@ def test_a_missing_engine_is_listed_with_its_hint(monkeypatch, tmp_path, name):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(registry, "entry_of_ours", lambda _: replace(entry, package="no_such_package"))
     monkeypatch.delitem(registry.ENGINES, name, raising=False)
-    (hint,) = [missing for listed, _, missing in engines() if listed == name]
+    (hint,) = [row["missing"] for row in engine_rows() if row["engine"] == name]
     assert hint == registry.missing_reason(name)
     assert name not in registry.ENGINES
 
