@@ -93,9 +93,9 @@ def restart_ratio(
     return Interval(value, value * (low / value) ** wider, value * (high / value) ** wider)
 
 
-def restart_interval(times: Array, statistic: Statistic, chosen: Indices, seed: int = 0) -> Interval:
+def restart_interval(times: Array, statistic: Statistic, chosen: Indices) -> Interval:
     """A statistic over the chosen frames of times (r, f) [s], with its interval, as in `restart_ratio`."""
-    return restart_ratio(times, np.ones((1, times.shape[1])), statistic, chosen, seed)
+    return restart_ratio(times, np.ones((1, times.shape[1])), statistic, chosen)
 
 
 def _course(times: Array, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -119,16 +119,16 @@ def _blocks(count: int, rng: np.random.Generator) -> Indices:
     return np.asarray(found[:, :count] % count)
 
 
-def median_interval(sample: Array, seed: int = 0, middle: Middle = np.median) -> Interval:
+def median_interval(sample: Array, middle: Middle = np.median) -> Interval:
     """Median of a sample with its bootstrap interval."""
-    drawn = np.random.default_rng(seed).integers(len(sample), size=(RESAMPLES, len(sample)))
+    drawn = np.random.default_rng(0).integers(len(sample), size=(RESAMPLES, len(sample)))
     return _around(middle(sample), middle(sample[drawn], axis=1))
 
 
-def exponent(sizes: Sequence[float], times: Sequence[Array], seed: int = 0) -> Interval:
+def exponent(sizes: Sequence[float], times: Sequence[Array]) -> Interval:
     """Exponent of a power law with its bootstrap interval: the least-squares slope of log median time over
     log size; the repetitions of each size, `times`, are resampled."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     x = np.log(np.asarray(sizes, dtype=float))
     weights = (x - x.mean()) / np.sum((x - x.mean()) ** 2)
     medians = [

@@ -108,6 +108,11 @@ def write_beside(path: Path, write: Callable[[Path], object]) -> None:
         part.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text beside, then rename it."""
+    write_beside(path, lambda part: part.write_text(text, "utf-8"))
+
+
 def illustrate(path: Path, draw: Callable[[Path], object]) -> None:
     """Draw a picture or page of measurements that are saved: one that fails costs that file, and a line on
     standard error says why."""
@@ -115,10 +120,9 @@ def illustrate(path: Path, draw: Callable[[Path], object]) -> None:
         write_beside(path, draw)
     except Exception as error:
         reason = f"{error}".partition("\n")[0]
+        line = f"touchstone: {path.name} is not written: {type(error).__name__}: {reason}"
         with suppress(OSError):  # standard error may be closed
-            print(
-                f"touchstone: {path.name} is not written: {type(error).__name__}: {reason}", file=sys.stderr
-            )
+            print(line, file=sys.stderr)
 
 
 def save(frame: pd.DataFrame, folder: Path) -> None:
@@ -130,4 +134,4 @@ def save(frame: pd.DataFrame, folder: Path) -> None:
 def save_manifest(folder: Path, facts: Mapping[str, object]) -> None:
     """Write `manifest.json`: command, commit, day and machine, and the facts of the run."""
     text = json.dumps({**origin(), "machine": machine(), **facts}, indent=1)
-    write_beside(folder / "manifest.json", lambda part: part.write_text(text, "utf-8"))
+    write_text(folder / "manifest.json", text)

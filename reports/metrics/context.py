@@ -7,11 +7,11 @@ are core dependencies, their metrics get no verdict, and the user gets an error 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sized
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,14 @@ class Value:
 
 Values = Mapping[str, float | Value]
 """Subject (a pair, a body, an event; "" for the whole scene) -> value."""
+Found = TypeVar("Found", bound=Sized)
+
+
+def measured(found: Found, reason: str) -> Found:
+    """What was found; raises NotMeasured if it is nothing."""
+    if not found:
+        raise NotMeasured(reason)
+    return found
 
 
 def worst(found: Mapping[str, float]) -> Values:
@@ -146,10 +154,8 @@ class Context:
     @cached_property
     def truths(self) -> dict[int, Motion]:
         """Closed-form motion per body index at the recording's times; empty without a closed form."""
-        scenario = self.scenario
-        return {
-            scenario.body_index(t.body): motion(scenario, t, self.recording.time) for t in scenario.truths
-        }
+        scene, time = self.scenario, self.recording.time
+        return {scene.body_index(truth.body): motion(scene, truth, time) for truth in scene.truths}
 
     @cached_property
     def mass_centers(self) -> Array:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, judging, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, judging, measured, worst
 from touchstone.reports.metrics.motion.joints import bounded, excess
 from touchstone.scenarios.avatar.chains import hinge_axes, shortest_rotations
 from touchstone.scenarios.avatar.kinematics import tracked_poses
@@ -72,27 +72,22 @@ def joint_limit(context: Context) -> Values:
     over = limit_excess(context).max(axis=0, initial=0.0)
     found = {joint.name: float(value) for joint, value in zip(_hinges(context), over)}
     found |= {one.name: float(excess(context, one).max()) for one in bounded(context.scenario, "hinge")}
-    if not found:
-        raise NotMeasured("no hinge has limits")
-    return worst(found)
+    return worst(measured(found, "no hinge has limits"))
 
 
 def joint_cone(context: Context) -> Values:
     """Largest angle by which a bone leaves its reach cone, or a ball joint its range of twist [rad]."""
     cones = [cone for chain in context.scenario.chains for cone in chain.cones]
-    if not cones:
-        raise NotMeasured("the scene has no reach cones")
+    cones = measured(cones, "the scene has no reach cones")
     excess = np.column_stack([cone_excess(context, cone) for cone in cones])
     return _worst_joint(excess, [cone.joints[0].removesuffix("_1") for cone in cones])
 
 
 def joint_speed(context: Context) -> Values:
     """Largest speed of a hinge, by its change of angle between frames [rad/s]."""
-    names = _hinges(context)
-    if not names:
-        raise NotMeasured("the scene has no joints")
+    names = [joint.name for joint in measured(_hinges(context), "the scene has no joints")]
     speed = np.abs(np.diff(context.recording.joint_angle, axis=0)) / context.frame
-    return _worst_joint(speed, [joint.name for joint in names])
+    return _worst_joint(speed, names)
 
 
 def limit_excess(context: Context) -> Array:
@@ -184,9 +179,8 @@ def posture_over_best(context: Context) -> Values:
         best += float(np.sum((posture - tracked[f]) ** 2))
         last = [posture]
     if best == 0:
-        raise NotMeasured(
-            f"tracked postures are free where the root is shown ({plural(len(chosen), 'frame')})"
-        )
+        shown_in = plural(len(chosen), "frame")
+        raise NotMeasured(f"tracked postures are free where the root is shown ({shown_in})")
     return {"": float(np.sum((shown[chosen] - tracked[chosen]) ** 2)) / best}
 
 
@@ -198,8 +192,7 @@ def _person(context: Context) -> tuple[Tracker, NDArray[np.int64]]:
     if tracker is None:
         raise NotMeasured("no driven body with chains")
     deep = list(pressed(context, tracker).values())
-    if not deep:
-        raise NotMeasured("the tracker presses the driven body into nothing")
+    deep = measured(deep, "the tracker presses the driven body into nothing")
     return tracker, np.flatnonzero(np.any(deep, axis=0))
 
 

@@ -156,7 +156,8 @@ def work(context: Context) -> Values:
 
 
 STATES = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
-"""Fields of a recording that are hashed, in this order."""
+"""Fields of a recording that hold the state of the bodies and the joints, in the order in which they are
+hashed."""
 DIGITS = 13
 """Hexadecimal digits that a float holds exactly."""
 

@@ -145,10 +145,8 @@ def _version(distribution: str) -> str:
 @cache
 def _tree(folders: tuple[tuple[str, bool], ...]) -> str:
     """Digest of the sources of folders, by their paths below the project."""
-    paths = {
-        path for folder, below in folders for path in (ROOT / folder).glob("**/*.py" if below else "*.py")
-    }
-    named = ((path.relative_to(ROOT).as_posix(), path) for path in paths)
+    patterns = [f"{folder}/{'**/' * below}*.py" for folder, below in folders]
+    named = {path.relative_to(ROOT).as_posix(): path for one in patterns for path in ROOT.glob(one)}.items()
     return _digest(part for name, path in sorted(named) for part in (name.encode(), _text(path)))
 
 

@@ -53,9 +53,8 @@ class Measured:
 
 def base_row(cell: Cell) -> Row:
     """Row of a cell without a metric."""
-    return Row(
-        STUDY, cell.scenario, cell.engine, cell.profile, cell.dt, "run", seed=cell.seed, repeat=cell.repeat
-    )
+    column = (cell.scenario, cell.engine, cell.profile, cell.dt)
+    return Row(STUDY, *column, "run", seed=cell.seed, repeat=cell.repeat)
 
 
 def moving(scenario: Scenario) -> list[int]:

@@ -18,6 +18,7 @@ from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import Course
 from touchstone.reports.progress import ABOUT, Progress
 from touchstone.reports.results import Row
+from touchstone.reports.runner.cells import Cell
 from touchstone.reports.verdict.limits import Limit, valid_metrics
 from touchstone.reports.verdict.rows import warning
 from touchstone.scenarios.catalogue import catalogue
@@ -214,6 +215,14 @@ def reproduce(*rows: Row) -> str:
     words += dict.fromkeys(f"--dt {step_text(row.dt)}" for row in rows if _is_changed_step(row))
     words += dict.fromkeys(f"--metric {row.metric}" for row in rows if row.metric in valid_metrics())
     return " ".join(words)
+
+
+def line_of(cell: Cell, all_effects: bool = False) -> str:
+    """The command that plays a cell's scene; with `all_effects` as after a run that left its plan."""
+    changed = "".join(f" --set {change}" for change in cell.changes)
+    effects = " --effects all" if cell.effects or all_effects else ""
+    column = f"--engine {cell.engine} --profile {cell.profile} --dt {step_text(cell.dt)}"
+    return f"touchstone run {cell.scenario} {column}{changed}{effects}"
 
 
 def script_command(row: Row) -> str:

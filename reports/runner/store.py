@@ -16,14 +16,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from touchstone.reports.results import COLUMNS, Row, write_beside
+from touchstone.reports.results import COLUMNS, Row, write_beside, write_text
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.content_hash import FORMAT, hash_of
 from touchstone.scenarios.files.safe_paths import json_of, regular
@@ -84,7 +83,10 @@ class Store:
             self._check_version()
             self._parts.mkdir(exist_ok=True)
             with open(self.folder / "lock", "a") as lock:
-                self._merge_alone(lock)
+                with contextlib.suppress(BlockingIOError):  # another process has the store open
+                    if len(self._files()) > MOST_FILES:
+                        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                        self.merge()
                 fcntl.flock(lock, fcntl.LOCK_SH)
                 yield self
         except OSError as error:
@@ -96,21 +98,13 @@ class Store:
             others = {entry.name for entry in self.folder.iterdir()} - {"cells", "lock", "output"}
             if others:
                 raise StoreError(f"{self.folder}: is no store of a sweep (it holds {min(others)})")
-            write_beside(path, lambda part: part.write_text(json.dumps({"format": FORMAT})))
+            write_text(path, json.dumps({"format": FORMAT}))
         try:
             found = json_of(path)["format"]
         except (ValueError, KeyError, TypeError) as error:
             raise StoreError(f"{path}: not the description of a store; choose another folder") from error
         if found != FORMAT:
             raise StoreError(f"{self.folder}: store of version {found}, this program writes {FORMAT}")
-
-    def _merge_alone(self, lock: Any) -> None:
-        """Merge the files if no other process has the store open."""
-        if len(self._files()) <= MOST_FILES:
-            return
-        with contextlib.suppress(BlockingIOError):
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self.merge()
 
     def _files(self) -> list[Path]:
         return sorted(self._parts.glob("*.parquet"))
@@ -150,15 +144,14 @@ class Store:
             StoreError: a file is incomplete; the message names it.
         """
         wanted = columns or SCHEMA.names
-        tables, seen = [SCHEMA.empty_table()], set[str]()
+        tables, seen, names = [SCHEMA.empty_table()], set[str](), list(dict.fromkeys([*wanted, "cell"]))
         for path in files:
             try:
-                table = pq.read_table(
-                    regular(path), columns=list(dict.fromkeys([*wanted, "cell"])), schema=SCHEMA
-                )
+                table = pq.read_table(regular(path), columns=names, schema=SCHEMA)
                 table.validate(full=True)  # texts are UTF-8
             except (pa.ArrowException, OSError) as error:
-                raise StoreError(_fault(path, error)) from error
+                reason = f"not a complete Parquet file ({str(error).partition(chr(10))[0][:80]})"
+                raise StoreError(f"{path}: {reason}; move it away, and its cells are played again") from error
             cells = set(table.column("cell").unique().to_pylist())
             if cells & seen:
                 new = pc.is_in(table.column("cell"), pa.array(sorted(cells - seen), pa.string()))
@@ -182,8 +175,3 @@ def _records(done: Done) -> Iterator[dict[str, object]]:
     }
     for row in done.rows:
         yield {**asdict(row), **fixed, "series": done.series.get(row.metric)}
-
-
-def _fault(path: Path, error: Exception) -> str:
-    reason = str(error).partition("\n")[0][:80]
-    return f"{path}: not a complete Parquet file ({reason}); move it away, and its cells are played again"

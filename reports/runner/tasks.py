@@ -60,10 +60,8 @@ def own_settings(engine: str, dt: float = 0.0, effects: tuple[str, ...] | None =
 
 def tasks_of(scenes: Sequence[Scenario], columns: Sequence[tuple[str, str]]) -> list[Task]:
     """Every scene in every (engine, profile) column of an installed engine, at the profile's step."""
-    settings = [
-        (name, Settings(profile, own_step(name, profile))) for name, profile in columns if installed(name)
-    ]
-    return [Task(scene, *one) for scene in scenes for one in settings]
+    there = [column for column in columns if installed(column[0])]
+    return [Task(s, name, Settings(p, own_step(name, p))) for s in scenes for name, p in there]
 
 
 def played(

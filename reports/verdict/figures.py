@@ -15,12 +15,12 @@ from touchstone.reports.metrics.contacts.passages import Motions, extent
 from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.metrics.motion.energy import mechanical_energy, momentum_angular, momentum_linear
 from touchstone.reports.metrics.motion.joints import driving
+from touchstone.reports.metrics.solver import STATES
 from touchstone.scenarios.avatar.kinematics import tracked_poses
 from touchstone.scenarios.body_joints import ALONG_AXIS, WORLD, spanning_trees
 from touchstone.scenarios.difficulty.checks import Checks, Wall
 from touchstone.scenarios.scenario import UNBOUNDED, UNMOVED, Scenario, Vector
 
-STATES = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
 UNIT = 1e-3
 """Tolerance of the length of an orientation [1]: single precision and a missing normalisation stay below."""
 LEAST_HEIGHT = 1e-3
@@ -137,11 +137,6 @@ def momentum_change(context: Context) -> float:
     return max(found, default=nan)
 
 
-def top_speed(context: Context) -> float:
-    """Largest speed of a body [m/s]."""
-    return float(np.linalg.norm(context.recording.linear_velocity, axis=2).max())
-
-
 def tracking_error(context: Context) -> tuple[float, str]:
     """Largest distance of a link's origin from its tracked place in the last frame [m], and its name."""
     scenario, r, found = context.scenario, context.recording, [(nan, "")]
@@ -162,32 +157,18 @@ def inner_radii(context: Context) -> dict[int, float]:
     }
 
 
-def outer_radii(context: Context) -> dict[int, float]:
-    """Distance of each body's farthest point from its centre of mass, by body index [m]."""
-    motions = Motions(context)
-    return {
-        k: max((extent(motions, k, piece).reach for piece in body.pieces), default=0.0)
-        for k, body in enumerate(context.scenario.bodies)
-    }
-
-
 def depths(context: Context) -> dict[tuple[int, int], Array]:
     """Depth of every body pair per frame (f,) [m]; infinite where the oracle knows only that one is inside
     the other."""
-    found = {}
-    for pair, distance in context.distances.distance.items():
-        depth = np.maximum(0.0, -distance)
-        found[pair] = np.where(depth < passages.UNBOUNDED, depth, inf)
-    return found
+    found = {pair: np.maximum(0.0, -distance) for pair, distance in context.distances.distance.items()}
+    return {pair: np.where(depth < passages.UNBOUNDED, depth, inf) for pair, depth in found.items()}
 
 
 def truth_error(context: Context) -> tuple[float, str]:
     """Largest distance of a centre of mass from its closed form [m], and the body's name; NaN without."""
+    centers, bodies = context.mass_centers, context.scenario.bodies
     found = [
-        (
-            float(np.linalg.norm(context.mass_centers[:, k] - truth.position, axis=1).max()),
-            context.scenario.bodies[k].name,
-        )
+        (float(np.linalg.norm(centers[:, k] - truth.position, axis=1).max()), bodies[k].name)
         for k, truth in context.truths.items()
     ]
     return max(found, default=(nan, ""))
@@ -218,15 +199,16 @@ def rest(context: Context, checks: Checks) -> dict[str, tuple[float, float, floa
     late = np.flatnonzero(r.time >= checks.rest_from - 1e-9)
     if len(late) < 3:
         return {}
-    outer = outer_radii(context)
-    found = {}
+    motions, found = Motions(context), {}
     for k in context.simulated:
+        pieces = context.scenario.bodies[k].pieces
+        outer = max((extent(motions, k, piece).reach for piece in pieces), default=0.0)
         ends = late[[0, len(late) // 2, -1]]
         turns = Rotation.from_quat(r.orientation[ends, k], scalar_first=True)
         ways = np.linalg.norm(np.diff(context.mass_centers[ends, k], axis=0), axis=1)
-        ways = ways + outer[k] * (turns[1:] * turns[:-1].inv()).magnitude()
+        ways = ways + outer * (turns[1:] * turns[:-1].inv()).magnitude()
         speed = np.linalg.norm(r.linear_velocity[late, k], axis=1)
-        speed = speed + outer[k] * np.linalg.norm(r.angular_velocity[late, k], axis=1)
+        speed = speed + outer * np.linalg.norm(r.angular_velocity[late, k], axis=1)
         rms = float(np.sqrt(np.mean(speed**2)))
         found[context.scenario.bodies[k].name] = (float(ways[0]), float(ways[1]), rms)
     return found

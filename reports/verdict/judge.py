@@ -76,7 +76,10 @@ def judged(row: Row, tags: tuple[str, ...]) -> Row:
     limit = None if row.verdict and not noisy else limit_of(ideal, tags)
     if limit is not None and isinf(limit.largest):
         limit = None
-    if noisy and _of_the_tracker(row) and (limit is not None or row.verdict):
+    # Engines may gain a share of the tracked kinetic energy; the reference may gain none.
+    tracked = row.metric.startswith(OF_THE_TRACKER)
+    tracked |= row.metric == "energy.injected" and row.engine != "reference"
+    if noisy and tracked and (limit is not None or row.verdict):
         return replace(row, low=nan, high=nan, limit=nan, verdict="", basis=UNAPPLIED, reason=NOT_IDEAL)
     if not row.verdict and (limit is None or is_undecided(row, limit.largest)):
         return row
@@ -154,14 +157,6 @@ def is_own_step(engine: str, profile: str, dt: float) -> bool:
     """Whether a step [s] is that of a profile; of an engine or a profile that is not known none is."""
     own = ENGINES[engine].profiles.get(profile) if engine in ENGINES else None
     return own is not None and abs(own - dt) < 1e-9 * dt
-
-
-def _of_the_tracker(row: Row) -> bool:
-    """Whether a metric's limit follows from a tracker. Engines may gain a share of the tracked kinetic
-    energy; the reference may gain none."""
-    return row.metric.startswith(OF_THE_TRACKER) or (
-        row.metric == "energy.injected" and row.engine != "reference"
-    )
 
 
 def _limited(row: Row, largest: float) -> Row:

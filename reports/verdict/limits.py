@@ -66,18 +66,11 @@ LIMITS = (
 def limit_of(row: Row, tags: tuple[str, ...], among: Iterable[Limit] | None = None) -> Limit | None:
     """The most specific limit of a row among LIMITS or others, the last of equals; None if there is none."""
     among = LIMITS if among is None else among
-    candidates = [limit for limit in among if limit.metric == row.metric and _covers(limit, row, tags)]
-    scope = ("engine", "scenario", "profile", "subject")
-    return max(reversed(candidates), key=lambda one: sum(bool(getattr(one, s)) for s in scope), default=None)
-
-
-def _covers(limit: Limit, row: Row, tags: tuple[str, ...]) -> bool:
-    return (
-        limit.engine in ("", row.engine)
-        and limit.scenario in ("", row.scenario, *tags)
-        and limit.profile in ("", row.profile)
-        and limit.subject in ("", row.subject)
-    )
+    scopes: dict[str, tuple[str, ...]] = {"engine": (row.engine,), "scenario": (row.scenario, *tags)}
+    scopes |= {"profile": (row.profile,), "subject": (row.subject,)}
+    mine = (limit for limit in among if limit.metric == row.metric)
+    fitting = [one for one in mine if all(getattr(one, name) in ("", *own) for name, own in scopes.items())]
+    return max(reversed(fitting), key=lambda one: sum(bool(getattr(one, s)) for s in scopes), default=None)
 
 
 OWN, OF_FILE = "the scene's own limit", "limit of the file"

@@ -170,7 +170,8 @@ def _findings(context: Context, checks: Checks, ended: str, figures: dict[str, f
 
 def _energy(context: Context, checks: Checks, figures: dict[str, float]) -> Iterator[Finding]:
     gain, loss = measures.energy_change(context)
-    change, speed = measures.momentum_change(context), measures.top_speed(context)
+    change = measures.momentum_change(context)
+    speed = float(np.linalg.norm(context.recording.linear_velocity, axis=2).max())
     figures |= {"energy gain [1]": gain, "energy loss [1]": loss, "speed [m/s]": speed}
     figures["momentum change [1]"] = change
     if checks.energy < inf and not isnan(gain) and not gain <= EXPLODED:

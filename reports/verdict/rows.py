@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
-from math import inf, isfinite, isnan
+from math import inf, isfinite, isnan, nan
 
 import numpy as np
 
@@ -139,9 +139,7 @@ def _rejected(rows: list[Row], audit: str, limit: float) -> list[Row]:
 
 def _without_impulses(rows: list[Row], reason: str) -> list[Row]:
     return [
-        replace(row, value=float("nan"), verdict="skipped", reason=reason)
-        if row.metric in IMPULSE_METRICS
-        else row
+        replace(row, value=nan, verdict="skipped", reason=reason) if row.metric in IMPULSE_METRICS else row
         for row in rows
     ]
 
@@ -166,15 +164,11 @@ def warning(base: Row, context: Context) -> str | None:
     parts = []
     for metric, (counters, words) in KINDS.items():
         try:
-            value = _value(context, metric)
+            found = METRICS[metric].measure(context)[""]
         except NotMeasured:
             return None
+        value = found.value if isinstance(found, Value) else found
         row = judged(replace(base, metric=metric, value=value), context.scenario.tags)
         if row.verdict in ("fail", "known"):
             parts.append(words.format(f"{value:.3g}", worst_place(context, *counters)))
     return f"warning: {base.engine} {base.profile} {base.scenario}: {'; '.join(parts)}" if parts else None
-
-
-def _value(context: Context, metric: str) -> float:
-    found = METRICS[metric].measure(context)[""]
-    return found.value if isinstance(found, Value) else found

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from touchstone.adapters.contract import FRICTION_IMPULSES, NOT_REPORTED, Array
-from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, measured, worst
 from touchstone.reports.metrics.motion.events import OPEN_GAP, Bounce, Gap, bounces, gap_of
 from touchstone.scenarios.body_joints import WORLD, mechanisms
 from touchstone.scenarios.scenario import ORIGIN, TRACKED, Body, Sphere
@@ -57,13 +57,11 @@ def impulse_balance(context: Context) -> Values:
         change = np.einsum("b,fbi->fi", masses, gained - context.gravity * context.frame)
         total = np.linalg.norm(change, axis=1).sum()
         least = JOINED if len(bodies) > 1 else 0.0
-        if total > sum(
-            max(least, _rounding(context, k)) * context.mass[k] * _pace(context, k) for k in bodies
-        ):
+        rounding = (max(least, _rounding(context, k)) * context.mass[k] * _pace(context, k) for k in bodies)
+        if total > sum(rounding):
             residual = np.linalg.norm(felt - change, axis=1).sum()
             found |= {context.scenario.bodies[k].name: float(residual / total) for k in bodies}
-    if not found:
-        raise NotMeasured("no simulated body is touched")
+    found = measured(found, "no simulated body is touched")
     return worst(found) if "heap" in context.scenario.tags else found
 
 
@@ -113,9 +111,7 @@ def impulse_balance_driven(context: Context) -> Values:
             raise NotMeasured(UNDRIVEN)
         total = np.linalg.norm(change, axis=1).sum()
         found[tracker.root] = float(np.linalg.norm(felt - change, axis=1).sum() / total)
-    if not found:
-        raise NotMeasured("no driven body is touched")
-    return found
+    return measured(found, "no driven body is touched")
 
 
 def driven_pairs(context: Context) -> dict[str, tuple[str, str]]:
@@ -174,9 +170,7 @@ def _judged(context: Context) -> list[tuple[str, Bounce, float]]:
         for k, bounce in enumerate(fast):
             if not _disturbed(context, pair, bounce, found):
                 judged.append((context.pair_name(*pair, k + 1), bounce, asked))
-    if not judged:
-        raise NotMeasured(f"no bounce faster than {BOUNCE_SPEED} m/s")
-    return judged
+    return measured(judged, f"no bounce faster than {BOUNCE_SPEED} m/s")
 
 
 def _disturbed(
@@ -237,9 +231,8 @@ def at_distance(context: Context) -> Values:
     gaps = np.zeros(len(rows))
     for pair, mine in context.pair_rows.items():
         g = gap_of(context, [pair])
-        gaps[mine] = _gap_at(
-            context, g, rows["time"][mine], context.contact_frame[mine], first[mine], last[mine]
-        )
+        when = rows["time"][mine], context.contact_frame[mine]
+        gaps[mine] = _gap_at(context, g, *when, first[mine], last[mine])
     return {"": float(pressing @ np.maximum(0.0, gaps) / pressing.sum())}
 
 

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.context import ROUNDING as STARTS
-from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, measured, worst
 from touchstone.scenarios.scenario import Arc, Box, Sphere
 from touchstone.scenarios.truths.force_truth import ForceTruth
 from touchstone.scenarios.truths.named_pairs import named_pairs
@@ -46,9 +46,7 @@ def force_series(context: Context) -> dict[str, Array]:
 
 def _of_pairs(context: Context, figure: Callable[[Array], float]) -> Values:
     found = {name: figure(force) for name, force in contact_forces(context).items()}
-    if not found:
-        raise NotMeasured("no contact presses")
-    return found
+    return measured(found, "no contact presses")
 
 
 def force_mean(context: Context) -> Values:
@@ -196,9 +194,7 @@ def _sliding(context: Context) -> dict[str, NDArray[np.int64]]:
         rows = _rows(context, pairs[name])
         if sliding[rows].any():
             found[name] = rows[sliding[rows]]
-    if not found:
-        raise NotMeasured(f"no contact slides faster than {SLIDING_SPEED} m/s")
-    return found
+    return measured(found, f"no contact slides faster than {SLIDING_SPEED} m/s")
 
 
 SUPPORTED = 1e-4
@@ -225,7 +221,7 @@ def friction_stop(context: Context) -> Values:
         way = np.array(arcs[-1].position) - np.array(arcs[0].position)
         c = context.mass_centers[:, body]
         found[name] = float((c[-1] - c[0]) @ way / (way @ way) - 1)
-    return _measured(found, "no body slides until it stops")
+    return measured(found, "no body slides until it stops")
 
 
 def friction_coast(context: Context) -> Values:
@@ -258,7 +254,7 @@ def friction_coast(context: Context) -> Values:
         way = float(np.linalg.norm(centers[-1, body] - centers[free, body]))
         gravity = float(np.linalg.norm(context.gravity))
         found[context.scenario.bodies[body].name] = float(way * 2 * mu[0] * gravity / speed**2 - 1)
-    return _measured(found, reason)
+    return measured(found, reason)
 
 
 def friction_lift(context: Context) -> Values:
@@ -267,7 +263,7 @@ def friction_lift(context: Context) -> Values:
     for name, body, normal in _flat(context):
         c = context.mass_centers[:, body]
         found[name] = float(np.max((c - c[0]) @ normal))
-    return worst(_measured(found, "no body slides or lies flat on a fixed one"))
+    return worst(measured(found, "no body slides or lies flat on a fixed one"))
 
 
 def friction_tilt(context: Context) -> Values:
@@ -277,7 +273,7 @@ def friction_tilt(context: Context) -> Values:
         turned = Rotation.from_quat(context.recording.orientation[:, body], scalar_first=True)
         up = (turned * turned[0].inv()).apply(normal)
         found[name] = float(np.max(np.arctan2(np.linalg.norm(np.cross(up, normal), axis=1), up @ normal)))
-    return worst(_measured(found, "no body slides or lies flat on a fixed one"))
+    return worst(measured(found, "no body slides or lies flat on a fixed one"))
 
 
 def friction_creep(context: Context) -> Values:
@@ -301,7 +297,7 @@ def friction_creep(context: Context) -> Values:
             continue
         found[name] = float(np.linalg.norm(c[-1] - c[first]) / (time[-1] - time[first]))
     reason = f"{', '.join(slides)} still slides at the end" if slides else "no body should stick"
-    return worst(_measured(found, reason))
+    return worst(measured(found, reason))
 
 
 def friction_heading(context: Context) -> Values:
@@ -334,7 +330,7 @@ def rolling_time(context: Context) -> Values:
         # With constant friction, slip is linear in time, so a fit of few frames is exact.
         slope, start = np.polyfit(time[:last], slip[:last], 1) if last > 1 else (0.0, slip[0])
         found[name] = float(-start / slope / arcs[1].start - 1) if slope < 0 else float("inf")
-    return _measured(found, "no ball slides until it rolls")
+    return measured(found, "no ball slides until it rolls")
 
 
 def _paths(context: Context) -> list[tuple[str, int, tuple[Arc, ...]]]:
@@ -371,9 +367,3 @@ def _face(context: Context, body: int, near: Array) -> Array:
     axes = (turned * piece).as_matrix()
     k = int(np.argmax(np.abs(axes.T @ near)))
     return np.asarray(axes[:, k] * np.sign(axes[:, k] @ near))
-
-
-def _measured(found: dict[str, float], reason: str) -> dict[str, float]:
-    if not found:
-        raise NotMeasured(reason)
-    return found

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.passages import passages
-from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, measured, worst
 from touchstone.reports.metrics.posture import Mask, pressed
 from touchstone.scenarios.scenario import UNMOVED, Body, Box, Piece
 from touchstone.scenarios.truths.pair_names import PairName
@@ -52,14 +52,10 @@ def contact_gap(context: Context) -> Values:
     and what joints may hold over its support, counts in the frames before and after which the engine reports
     normal impulses of the pair, however far apart they are.
     """
-    found: dict[str, float | Value] = {
-        **_resting_gaps(context),
-        **_carried_gaps(context),
-        **_pressed_gaps(context),
-    }
-    if not found:
-        raise NotMeasured("no body rests on a fixed or prescribed one, none is pressed, carried or pushed")
-    return found
+    found: dict[str, float | Value] = {**_resting_gaps(context), **_carried_gaps(context)}
+    found |= _pressed_gaps(context)
+    reason = "no body rests on a fixed or prescribed one, none is pressed, carried or pushed"
+    return measured(found, reason)
 
 
 def _carried_gaps(context: Context) -> dict[str, Value]:
@@ -91,9 +87,13 @@ def _loaded(context: Context, pair: tuple[int, int]) -> Mask:
 def _resting_gaps(context: Context) -> dict[str, float]:
     found: dict[str, float] = {}
     joined = {name for joint in context.scenario.body_joints for name in (joint.parent, joint.child)}
-    rests = [(_mover(context, pair), pair, d) for pair, d in context.distances.distance.items()]
-    for body, pair, distance in sorted((one for one in rests if one[0] >= 0), key=lambda one: one[0]):
-        other = sum(pair) - body
+    rests = [
+        (body, other, pair, distance)
+        for pair, distance in context.distances.distance.items()
+        for body, other in (pair, pair[::-1])
+        if context.kind[body] == "simulated" and context.kind[other] in UNMOVED
+    ]
+    for body, other, pair, distance in sorted(rests, key=lambda one: one[0]):
         normal = context.distances.normal[pair]
         carried = context.material_velocity(other, context.mass_centers[:, body], normal)
         speed = np.linalg.norm(context.recording.linear_velocity[:, body] - carried, axis=1)
@@ -103,15 +103,6 @@ def _resting_gaps(context: Context) -> dict[str, float]:
         if resting.sum() >= FEWEST:
             found[context.pair_name(*pair)] = float(np.median(distance[resting]))
     return found
-
-
-def _mover(context: Context, pair: tuple[int, int]) -> int:
-    """The simulated body of a pair with one that no contact moves; -1 for other pairs."""
-    a, b = pair
-    for body, other in ((a, b), (b, a)):
-        if context.kind[body] == "simulated" and context.kind[other] in UNMOVED:
-            return body
-    return -1
 
 
 def _pressed_gaps(context: Context) -> dict[str, float]:
@@ -191,9 +182,7 @@ def _resting(context: Context) -> dict[str, tuple[Array, Array]]:
             middle = len(places) // 2
             half = places[middle:]
             found[truth.body] = away[: middle + 1], np.linalg.norm(half - half[0], axis=1)
-    if not found:
-        raise NotMeasured("by the scene's truth no body rests all the time")
-    return found
+    return measured(found, "by the scene's truth no body rests all the time")
 
 
 def _require(context: Context) -> None:

@@ -33,7 +33,6 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import pairwise
 from math import ceil, floor, hypot, inf, isfinite
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,10 +57,6 @@ from touchstone.scenarios.scenario import (
     Shape,
     Sphere,
 )
-
-if TYPE_CHECKING:
-    from touchstone.reports.metrics.context import Context
-
 
 STEPS_PER_THICKNESS = 16
 """Number of samples of a motion through two pieces, per sum of their inner radii [1]."""
@@ -153,10 +148,8 @@ class Motions:
 
     def onward(self, body: int, frame: int) -> Step:
         """The step of one frame that keeps the velocities of a frame."""
-        r = self._recording
-        return Step(
-            frame, r.linear_velocity[frame, body] * self.frame, r.angular_velocity[frame, body] * self.frame
-        )
+        r, at = self._recording, (frame, body)
+        return Step(frame, r.linear_velocity[at] * self.frame, r.angular_velocity[at] * self.frame)
 
     def backward(self, body: int, frame: int) -> Step:
         """The step of one frame back in time that keeps the velocities of a frame."""
@@ -217,10 +210,8 @@ class Pair:
         from touchstone.adapters.oracles.overlap import signed_distance
 
         poses = [self.motions.pose(body, step, share) for body, step in zip(self.bodies, steps)]
-        placed = [
-            (turned @ own, origin + turned @ place)
-            for (turned, origin), (own, place) in zip(poses, self._own)
-        ]
+        both = zip(poses, self._own)
+        placed = [(turned @ own, origin + turned @ place) for (turned, origin), (own, place) in both]
         distance, normal, middle = signed_distance(self._shapes[0], placed[0], self._shapes[1], placed[1])
         if not isfinite(distance) or abs(distance) > UNBOUNDED:
             distance, normal, middle = -self.thickness, np.zeros(3), placed[0][1]
@@ -326,10 +317,9 @@ class SweptPairs:
     def __init__(self, context: Context, motions: Motions) -> None:
         self._motions = motions
         bodies = context.scenario.bodies
-        self.pieces: list[tuple[int, Piece]] = []
         # nothing passes through a half-space: it has no other side
-        solid = ((k, piece) for k, body in enumerate(bodies) for piece in body.pieces)
-        self.pieces += [(k, piece) for k, piece in solid if not isinstance(piece.shape, HalfSpace)]
+        pieces = ((k, piece) for k, body in enumerate(bodies) for piece in body.pieces)
+        self.pieces = [(k, piece) for k, piece in pieces if not isinstance(piece.shape, HalfSpace)]
         self._body = np.array([k for k, _ in self.pieces], dtype=int)
         extents = [extent(motions, k, piece) for k, piece in self.pieces]
         self._outer = np.array([e.outer for e in extents])
@@ -346,7 +336,7 @@ class SweptPairs:
         for a, b in context.scenario.touching_pairs():
             self._may_touch[a, b] = self._may_touch[b, a] = True
         self._moving = np.array([body.kind != "fixed" for body in bodies])[self._body]
-        self._extents: dict[tuple[int, int], tuple[Array, Array]] = {}
+        self._places: dict[int, tuple[Array, Array]] = {}
 
     def pairs(self, depth_share: float) -> Iterator[tuple[Pair, NDArray[np.int64]]]:
         """Pairs, the first body first, and the steps from frame to frame in which they can overlap by
@@ -387,7 +377,7 @@ class SweptPairs:
 
     def _crosses_box(self, one: int, two: int, depth: float) -> NDArray[np.bool_]:
         """Whether the chord of `two` cuts to `depth` [m] into the box of `one`, in `one`'s axes (f - 1,)."""
-        low, high = self._box_of(one)
+        (low,), (high,) = extents(self.pieces[one][1].shape, np.eye(3)[None])
         lows, highs = self._extent_in(one, two)
         middle, half = (lows + highs) / 2, (highs - lows) / 2
         turn = self._angle[:, one] + self._angle[:, two]
@@ -403,11 +393,6 @@ class SweptPairs:
         start, end = middle[:-1] - (low + high) / 2, middle[1:] - (low + high) / 2
         return _segment_meets_box(start, end - start, reach)
 
-    def _box_of(self, k: int) -> tuple[Array, Array]:
-        shape = self.pieces[k][1].shape
-        lows, highs = extents(shape, np.eye(3)[None])
-        return lows[0], highs[0]
-
     def _extent_in(self, one: int, two: int) -> tuple[Array, Array]:
         """Lowest and highest coordinates of piece `two` at every frame in the axes of piece `one` (f, 3)."""
         turn_one, origin_one = self._placed(one)
@@ -415,10 +400,6 @@ class SweptPairs:
         lows, highs = extents(self.pieces[two][1].shape, turn_one.swapaxes(1, 2) @ turn_two)
         origin = np.einsum("fji,fj->fi", turn_one, origin_two - origin_one)
         return origin + lows, origin + highs
-
-    @cached_property
-    def _places(self) -> dict[int, tuple[Array, Array]]:
-        return {}
 
     def _placed(self, k: int) -> tuple[Array, Array]:
         """Rotation matrix and origin of a piece in every frame."""

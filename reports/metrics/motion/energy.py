@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import MOMENT_WORK, Array
-from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, measured
 from touchstone.reports.metrics.motion.joints import driving, spring_energy
 from touchstone.reports.metrics.posture import limit_excess
 from touchstone.scenarios.scenario import UNMOVED
@@ -44,9 +44,8 @@ def _change(context: Context) -> Array:
     kinetic = np.zeros(len(energy))
     r = context.recording
     for k in () if context.truths else context.simulated:
-        kinetic += _kinetic(
-            context, k, r.linear_velocity[:1, k], r.orientation[:1, k], r.angular_velocity[:1, k]
-        )
+        start = (r.linear_velocity[:1, k], r.orientation[:1, k], r.angular_velocity[:1, k])
+        kinetic += _kinetic(context, k, *start)
     for k, truth in context.truths.items():
         kinetic += _kinetic(context, k, truth.velocity, truth.orientation, truth.angular_velocity)
     free = energy[np.isfinite(energy)]
@@ -74,9 +73,7 @@ def energy_injected(context: Context) -> Values:
     """
     if reason := driving(context.scenario):
         raise NotMeasured(reason)
-    found: dict[str, float | Value] = {
-        subject: float(np.max(rise)) for subject, rise in energy_rise(context).items()
-    }
+    found: dict[str, float | Value] = {one: float(rise.max()) for one, rise in energy_rise(context).items()}
     if context.scenario.trackers and "all" not in found:
         found = {"all": Value(np.nan, "the drive is kinematic: its work is not known"), **found}
     return found
@@ -178,9 +175,7 @@ def energy_drive(context: Context) -> Values:
     after it. Contacts between links of one body are excluded: they do no work on others.
     """
     found = {name: float(work[-1]) for name, work in drive_work(context).items()}
-    if not found:
-        raise NotMeasured("the engine reports no impulse of a driven or prescribed body, or moving surface")
-    return found
+    return measured(found, "the engine reports no impulse of a driven or prescribed body, or moving surface")
 
 
 def drive_work(context: Context) -> dict[str, Array]:

@@ -217,15 +217,11 @@ def _time(context: Context, expectation: Expectation) -> float:
             leaves = [_time(context, e) for e in context.scenario.expectations if e.event == "leave"]
             return first_closing(context, gap, max(leaves, default=0.0))
         case "meet":
-            open_before = _at(context, gap, expectation.earliest) > TOUCH_GAP
-            return first_closing(context, gap, expectation.earliest) if open_before else float("nan")
+            start = expectation.earliest
+            before = np.searchsorted(context.recording.time, start + ROUNDING, side="right") - 1
+            return first_closing(context, gap, start) if gap.gap[before] > TOUCH_GAP else float("nan")
         case "part":
             return _parting(context, gap, expectation.earliest)
-
-
-def _at(context: Context, gap: Gap, time: float) -> float:
-    """The gap in the last frame up to `time` [m]."""
-    return float(gap.gap[np.searchsorted(context.recording.time, time + ROUNDING, side="right") - 1])
 
 
 def _parting(context: Context, gap: Gap, start: float) -> float:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.adapters.recording import Recording
-from touchstone.reports.metrics.context import Context, NotMeasured, Values, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Values, measured, worst
 from touchstone.scenarios.body_joints import ALONG_AXIS, WORLD, beyond
 from touchstone.scenarios.scenario import UNBOUNDED, BodyJoint, Scenario
 
@@ -31,9 +31,8 @@ def joint_motion(recording: Recording, scenario: Scenario, joint: BodyJoint) -> 
     place, turn = _poses(recording, scenario, joint.parent)
     other, turned = _poses(recording, scenario, joint.child)
     anchor, axis = np.array(joint.anchor), np.array(joint.axis)
-    start, end = (
-        at + pose.apply(pose[0].inv().apply(anchor - at[0])) for at, pose in ((place, turn), (other, turned))
-    )
+    both = ((place, turn), (other, turned))
+    start, end = (at + pose.apply(pose[0].inv().apply(anchor - at[0])) for at, pose in both)
     # the parent's motion undone: the child as seen from it, in the axes of the start
     back = turn[0] * turn.inv()
     apart, relative = back.apply(end - start), back * turned * turned[0].inv()
@@ -93,17 +92,13 @@ def joint_turn(context: Context) -> Values:
     found = {one.name: float(_of(context, one).turn.max()) for one in _joints(context) if one.type != "ball"}
     slips = {one.name: _slip(context, one) for one in _joints(context) if one.type == "hinge"}
     found = {name: max(turn, slips.get(name, 0.0)) for name, turn in found.items()}
-    if not found:
-        raise NotMeasured("ball joints may turn in every way")
-    return worst(found)
+    return worst(measured(found, "ball joints may turn in every way"))
 
 
 def joint_stop(context: Context) -> Values:
     """Largest excess of a slider over its limits [m]."""
     found = {one.name: float(excess(context, one).max()) for one in bounded(context.scenario, "slider")}
-    if not found:
-        raise NotMeasured("no slider has limits")
-    return worst(found)
+    return worst(measured(found, "no slider has limits"))
 
 
 def joint_force(context: Context) -> Values:
@@ -139,9 +134,8 @@ def joint_force(context: Context) -> Values:
 
 def bounded(scenario: Scenario, kind: str) -> list[BodyJoint]:
     """Joints between bodies of one type that have limits."""
-    return [
-        one for one in scenario.body_joints if one.type == kind and min(-one.lower, one.upper) < UNBOUNDED
-    ]
+    mine = (joint for joint in scenario.body_joints if joint.type == kind)
+    return [joint for joint in mine if min(-joint.lower, joint.upper) < UNBOUNDED]
 
 
 def excess(context: Context, joint: BodyJoint) -> Array:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Array
 from touchstone.reports.metrics.contacts.forces import force_between
-from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, worst
+from touchstone.reports.metrics.context import Context, NotMeasured, Value, Values, measured, worst
 from touchstone.reports.metrics.motion.events import bounces
 from touchstone.scenarios.closed_form import flips
 from touchstone.scenarios.truths.body_motion import Motion
@@ -85,12 +85,8 @@ def published_error(context: Context) -> Values:
 
     def motion(name: str) -> Motion:
         k = scenario.body_index(name)
-        return Motion(
-            context.mass_centers[:, k],
-            recording.linear_velocity[:, k],
-            recording.orientation[:, k],
-            recording.angular_velocity[:, k],
-        )
+        velocity, rate = recording.linear_velocity[:, k], recording.angular_velocity[:, k]
+        return Motion(context.mass_centers[:, k], velocity, recording.orientation[:, k], rate)
 
     found = {}
     for one in scenario.published:
@@ -167,9 +163,8 @@ def impact_law(context: Context) -> Values:
         (body,) = context.simulated
         half = max(context.scenario.bodies[body].pieces[0].shape.half_extents)  # type: ignore[union-attr]
         found = np.array([found[0], r.angular_velocity[frame, body] * half])
-    return {
-        law: float(np.linalg.norm(found - velocity, axis=1).max() / speed) for law, velocity in laws.items()
-    }
+    apart = {law: np.linalg.norm(found - velocity, axis=1).max() for law, velocity in laws.items()}
+    return {law: float(size / speed) for law, size in apart.items()}
 
 
 SHORTEST_ARC_FRAMES = 2.0
@@ -190,9 +185,7 @@ def bounce_height(context: Context) -> Values:
         for k, height in enumerate(asked):
             reached = seen[k].departure ** 2 / (2 * g) if k < len(seen) else 0.0
             found[f"#{k + 1}"] = reached / height - 1
-    if not found:
-        raise NotMeasured("by the scene's truth nothing bounces")
-    return found
+    return measured(found, "by the scene's truth nothing bounces")
 
 
 def rotation_flip(context: Context) -> Values:
@@ -204,9 +197,7 @@ def rotation_flip(context: Context) -> Values:
             seen = _flips_seen(context, context.scenario.body_index(truth.body))
             seen = np.append(seen, np.full(max(0, len(asked) - len(seen)), context.scenario.duration))
             found[truth.body] = float(np.max(np.abs(seen[: len(asked)] - asked)))
-    if not found:
-        raise NotMeasured("the scene has no free top")
-    return found
+    return measured(found, "the scene has no free top")
 
 
 def _flips_seen(context: Context, body: int) -> np.ndarray:
