@@ -120,7 +120,9 @@ def differences(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     Raises:
         RunError: runs that differ in more than times, or have no time in common.
     """
-    joined = _joined(tables)
+    ones = {name: frame.drop_duplicates(KEY) for name, frame in tables.items()}
+    ones = {name: one.assign(dt=one.dt.fillna(0.0).round(12)).set_index(KEY) for name, one in ones.items()}
+    joined = pd.concat([one.value.rename(name) for name, one in ones.items()], axis=1, join="inner")
     timed = joined.index.get_level_values("metric").str.startswith(TIMED)
     _check_same(joined[~timed])
     times = joined[timed].dropna()
@@ -140,16 +142,6 @@ def differences(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     rounded = [ceil(round(100 * MARGIN * value, 6)) / 100 for value in found.largest]
     found["tolerance"] = [one if one < 1 else inf for one in rounded]  # inf covers any difference
     return found[list(HEADS)]
-
-
-def _joined(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Values of the rows that all runs have, a column per run."""
-    parts = []
-    for name, frame in tables.items():
-        kept = frame.drop_duplicates(KEY)
-        kept = kept.assign(dt=kept.dt.fillna(0.0).round(12)).set_index(KEY)
-        parts.append(kept.value.rename(name))
-    return pd.concat(parts, axis=1, join="inner")
 
 
 def _check_same(others: pd.DataFrame) -> None:
@@ -302,9 +294,7 @@ def changes(
         RunError: under `by_profile`, a table has several columns of one scene, engine and profile.
     """
     gone = b[b.verdict.isin(ABSENT)].to_dict("records")
-    reasons = {
-        _column(tuple(row[name] for name in RUN)): f"{row['verdict']}: {row['reason']}" for row in gone
-    }
+    reasons = {_column(tuple(r[name] for name in RUN)): f"{r['verdict']}: {r['reason']}" for r in gone}
     a, b = _keyed(a, by_profile), _keyed(b, by_profile)
     both = a.merge(b, how="outer", on=KEY, suffixes=("_a", "_b"), indicator=True)
     runs_a, runs_b = (set(frame[RUN].itertuples(index=False, name=None)) for frame in (a, b))

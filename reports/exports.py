@@ -244,14 +244,14 @@ def glb(recording: Recording, scenario: Scenario) -> bytes:
         node: dict[str, Any] = {"name": body.name}
         if body.pieces:
             corners, normals = body_mesh(body)
-            attributes = {
-                "POSITION": buffer.add(corners, "VEC3", True),
-                "NORMAL": buffer.add(normals, "VEC3", True),
-            }
+            kept = (buffer.add(values, "VEC3", True) for values in (corners, normals))
+            attributes = dict(zip(("POSITION", "NORMAL"), kept))
             node["mesh"] = len(meshes)
             primitive = {"attributes": attributes, "material": kinds.index(body.kind)}
             meshes.append({"name": body.name, "primitives": [primitive]})
-        place, turn = recording.position[:frames, k], _rotations(recording.orientation[:frames, k])
+        place = recording.position[:frames, k]
+        turn = continuous(recording.orientation[:frames, k])[:, [1, 2, 3, 0]]
+        turn = turn / np.linalg.norm(turn, axis=1, keepdims=True)
         if body.kind == "fixed":
             place, turn = place[:1], turn[:1]
         if len(place):
@@ -259,9 +259,8 @@ def glb(recording: Recording, scenario: Scenario) -> bytes:
         nodes.append(node)
         for path, values, kind in (("translation", place, "VEC3"), ("rotation", turn, "VEC4")):
             if body.kind != "fixed" and frames:
-                samplers.append(
-                    {"input": times, "output": buffer.add(values, kind), "interpolation": "LINEAR"}
-                )
+                output = buffer.add(values, kind)
+                samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
                 channels.append({"sampler": len(samplers) - 1, "target": {"node": k, "path": path}})
     nodes.append({"name": scenario.name, "rotation": Z_UP, "children": list(range(len(nodes)))})
     document: dict[str, Any] = {
@@ -294,9 +293,3 @@ def continuous(quaternions: Array) -> Array:
     dots = np.einsum("f...i,f...i->f...", quaternions[1:], quaternions[:-1])
     signs = np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)
     return np.concatenate([quaternions[:1], quaternions[1:] * signs[..., None]])
-
-
-def _rotations(orientation: Array) -> Array:
-    """Continuous quaternions (f, 4) of length 1 as xyzw."""
-    found = continuous(orientation)[:, [1, 2, 3, 0]]
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))

@@ -55,15 +55,9 @@ def recording(
     if frames < 2:
         raise ValueError(f"position: found {frames} frame(s), expected two or more")
     shape = (frames, len(scenario.bodies), 3)
+    given = (("linear_velocity", linear_velocity), ("angular_velocity", angular_velocity))
     nothing = np.full(shape, np.nan)
-    speed = (
-        nothing if linear_velocity is None else _checked("linear_velocity", linear_velocity, shape, scenario)
-    )
-    spin = (
-        nothing
-        if angular_velocity is None
-        else _checked("angular_velocity", angular_velocity, shape, scenario)
-    )
+    speed, spin = (nothing if v is None else _checked(k, v, shape, scenario) for k, v in given)
     step = 1 / scenario.frame_rate if dt is None else float(dt)
     if not np.isfinite(step) or step <= 0:
         raise ValueError(f"dt: found {dt}, expected seconds, such as 1/240")

@@ -15,7 +15,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import isfinite, isnan
+from math import isnan
 from numbers import Real
 
 import numpy as np
@@ -30,6 +30,7 @@ from touchstone.reports.metrics.contacts.passages import passages
 from touchstone.reports.metrics.context import Context, Value, Values
 from touchstone.reports.metrics.motion.energy import energy_rise, mechanical_energy
 from touchstone.reports.metrics.motion.events import bounces
+from touchstone.reports.metrics.solver import STATES
 from touchstone.reports.results import Row
 from touchstone.reports.runner.request import step_text
 from touchstone.reports.verdict.limits import limit_of
@@ -63,11 +64,9 @@ def largest_rise(context: Context, values: Values) -> Place:
     subject = max(rises, key=lambda name: float(rises[name].max()))
     rise = rises[subject]
     steepest = int(np.diff(rise, prepend=0.0).argmax())
-    gains = {
-        k: float(np.diff(mechanical_energy(context, [k]))[max(steepest - 1, 0)]) for k in context.simulated
-    }
-    body = max(gains, key=lambda k: gains[k]) if gains else None
-    names = (context.scenario.bodies[body].name,) if body is not None else ()
+    before = max(steepest - 1, 0)
+    gains = {k: float(np.diff(mechanical_energy(context, [k]))[before]) for k in context.simulated}
+    names = _names(context, max(gains, key=lambda k: gains[k])) if gains else ()
     return Place(steepest, names, f"the steepest rise; the largest total is in frame {int(rise.argmax())}")
 
 
@@ -78,7 +77,7 @@ def largest_jump(context: Context, values: Values) -> Place:
     steps = np.linalg.norm(np.diff(momenta.sum(axis=1), axis=0), axis=1)
     frame = int(steps.argmax())
     own = np.linalg.norm(momenta[frame + 1] - momenta[frame], axis=1)
-    return Place(frame + 1, (context.scenario.bodies[bodies[int(own.argmax())]].name,), "the largest change")
+    return Place(frame + 1, _names(context, bodies[int(own.argmax())]), "the largest change")
 
 
 def worst_contact(context: Context, values: Values) -> Place:
@@ -92,12 +91,10 @@ def worst_contact(context: Context, values: Values) -> Place:
     if named:
         excess = np.where(np.array(pairs) == named, excess, -np.inf)
     k = int(excess.argmax())
-    row = rows[k]
+    names = _names(context, int(rows[k]["body_a"]), int(rows[k]["body_b"]))
     across, bound = np.linalg.norm(tangential[k]), context.friction[k] * normal[k]
     words = f"|j_t| = {across:.3g} N s, mu j_n = {bound:.3g} N s"
-    return Place(
-        int(context.contact_frame[k]) + 1, _names(context, int(row["body_a"]), int(row["body_b"])), words
-    )
+    return Place(int(context.contact_frame[k]) + 1, names, words)
 
 
 def worst_bounce(context: Context, values: Values) -> Place:
@@ -111,10 +108,8 @@ def worst_bounce(context: Context, values: Values) -> Place:
             off = abs(bounce.restitution - asked)
             if bounce.approach > BOUNCE_SPEED and off > worst:
                 words = f"{bounce.restitution:.3f} at {bounce.approach:.2f} m/s, asked {asked:g}"
-                worst, place = (
-                    off,
-                    Place(int(bounce.time / context.frame) + 1, _names(context, a, b), words),
-                )
+                frame = int(bounce.time / context.frame) + 1
+                worst, place = off, Place(frame, _names(context, a, b), words)
     return place
 
 
@@ -225,11 +220,10 @@ def check(
     _require(invariant, asked, context)
     findings = []
     for metric in asked.metrics:
-        rows = [
-            row for row in _rows(context, metric) if isfinite(row.value) or row.value in (np.inf, -np.inf)
-        ]
+        found = _rows(context, metric)
+        rows = [row for row in found if not isnan(row.value)]
         if not rows and metric == asked.metrics[0]:
-            reasons = [row.reason for row in _rows(context, metric) if row.reason]
+            reasons = [row.reason for row in found if row.reason]
             raise unjudged(invariant, context, reasons[0] if reasons else "nothing was measured")
         if rows:
             findings.append(_finding(context, asked, rows, limit))
@@ -252,9 +246,8 @@ def context_of(run: Recording, scenario: Scenario | None = None) -> Context:
 def scenario_of(run: Recording) -> Scenario:
     """The scenario that a recording holds; raises ValueError if it cannot be read."""
     if not isinstance(run, Recording):
-        raise TypeError(
-            f"expected a recording (touchstone.recording makes one of arrays), found {type(run).__name__}"
-        )
+        found = type(run).__name__
+        raise TypeError(f"expected a recording (touchstone.recording makes one of arrays), found {found}")
     try:
         return _scene_of_text(run.scenario)
     except ValueError as error:
@@ -303,17 +296,8 @@ def _finding(context: Context, asked: Invariant, rows: list[Row], limit: float |
     broken = not abs(worst.value) <= largest
     place = asked.locate(context, values) if broken else Place()
     time = None if place.frame is None else float(context.recording.time[place.frame])
-    return Finding(
-        worst.metric,
-        worst.value,
-        worst.unit,
-        largest,
-        reason,
-        source_of(context),
-        place,
-        time,
-        _shown_by(context, worst, place),
-    )
+    found = (worst.metric, worst.value, worst.unit, largest, reason, source_of(context))
+    return Finding(*found, place, time, _shown_by(context, worst, place))
 
 
 def _limit(context: Context, row: Row) -> tuple[float, str]:
@@ -321,9 +305,8 @@ def _limit(context: Context, row: Row) -> tuple[float, str]:
     found = limit_of(row, context.scenario.tags)
     if found is None and row.metric == "energy.injected":
         r, bodies = context.recording, [k for k, kind in enumerate(context.kind) if kind not in UNMOVED]
-        moving = np.einsum(
-            "fni,fni,n->f", r.linear_velocity[:, bodies], r.linear_velocity[:, bodies], context.mass[bodies]
-        )
+        speed = r.linear_velocity[:, bodies]
+        moving = np.einsum("fni,fni,n->f", speed, speed, context.mass[bodies])
         largest = ENERGY_SHARE * float(moving.max()) / 2
         return largest, f"{ENERGY_SHARE:.0%} of the largest kinetic energy"
     found = found or limit_of(row, (*context.scenario.tags, "probe"))
@@ -348,7 +331,6 @@ def _shown_by(context: Context, row: Row, place: Place) -> str:
 ORDER_TOLERANCE = 1e-6
 """Distance by which bodies may end apart where only their order differs [m]: that at which contacts are
 found."""
-FIELDS = ("position", "orientation", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate")
 
 
 def assert_deterministic(first: Recording, second: Recording, scenario: Scenario | None = None) -> float:
@@ -359,7 +341,7 @@ def assert_deterministic(first: Recording, second: Recording, scenario: Scenario
     if first.position.shape != second.position.shape:
         raise InvariantError(f"{source}: the runs have {len(first.time)} and {len(second.time)} frames")
     place, worst = Place(), 0.0
-    for name in FIELDS:
+    for name in STATES:
         one, two = getattr(first, name), getattr(second, name)
         same = (one == two) | (np.isnan(one) & np.isnan(two))
         if not same.all():
@@ -411,10 +393,8 @@ def assert_order_independent(
     remark = f"first beyond the limit in frame {over[0]}" if len(over) else ""
     place = Place(frame, (names[body],), remark)
     reason = "contacts are found to within it" if limit == ORDER_TOLERANCE else "as given"
-    finding = Finding(
-        "order", float(apart.max()), "m", limit, reason, source, place, float(first.time[frame])
-    )
-    return settled((finding,))
+    time = float(first.time[frame])
+    return settled((Finding("order", float(apart.max()), "m", limit, reason, source, place, time),))
 
 
 def _require_ended(first: Recording, second: Recording, what: str, source: str) -> None:

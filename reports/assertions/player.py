@@ -129,7 +129,9 @@ class Player:
         try:
             scenario = scene_of(scene)
             name = registered(engine)
-            settings = _settings(name, profile or self.profile, dt, effects, scenario)
+            chosen = profile or self.profile or next(iter(profiles_of(name)))
+            settings = Settings(chosen, dt or profiles_of(name, chosen)[chosen], effects=effects)
+            substeps(scenario, settings.dt)
         except (AdapterError, ValueError) as error:
             said = str(error)
         else:
@@ -177,13 +179,3 @@ def scene_of(scene: str | Path | Scenario) -> Scenario:
     if len(found) > 1:
         raise ValueError(f"{scene}: {len(found)} scenes; expected a file of one")
     return found[0]
-
-
-def _settings(
-    name: str, profile: str, dt: float | None, effects: tuple[str, ...] | None, scenario: Scenario
-) -> Settings:
-    """Settings of a run; raises AdapterError or ValueError for an unknown profile or an unfit step."""
-    chosen = profile or next(iter(profiles_of(name)))
-    step = dt or profiles_of(name, chosen)[chosen]
-    substeps(scenario, step)
-    return Settings(chosen, step, effects=effects)

@@ -36,13 +36,8 @@ LEAST_NIGHTS = 5
 def svg_of(chart: Any) -> str:
     """A chart as SVG whose colours of text and lines are those of the page, or a paragraph: why there is
     none."""
-    axis = {
-        "labelColor": INK,
-        "titleColor": INK,
-        "gridColor": FAINT,
-        "domainColor": FAINT,
-        "tickColor": FAINT,
-    }
+    axis = dict.fromkeys(("gridColor", "domainColor", "tickColor"), FAINT)
+    axis |= {"labelColor": INK, "titleColor": INK}
     plain = (
         chart.configure(background="transparent", font="system-ui, sans-serif", padding=PADDING)
         .configure_axis(**axis, titleFontWeight="normal", labelFontSize=11)
@@ -173,9 +168,8 @@ def force_chart(scenario: Scenario, courses: Mapping[Column, Course]) -> str:
         panel = lines.encode(x=span, y=alt.Y("force:Q", title="force [N]"), color=color)
         truths = [t for t in scenario.forces if t.quantity == "force" and t.is_of(pair)]
         if truths:
-            table = pd.DataFrame(
-                [(t.start, t.end, t.value) for t in truths], columns=["start", "end", "force"]
-            )
+            spans = [(t.start, t.end, t.value) for t in truths]
+            table = pd.DataFrame(spans, columns=["start", "end", "force"])
             rule = alt.Chart(table).mark_rule(strokeDash=[5, 4], color=INK)
             panel += rule.encode(x="start:Q", x2="end:Q", y="force:Q")
         panels.append(panel.properties(width=WIDTH, height=HEIGHT, title=pair))

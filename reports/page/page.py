@@ -16,15 +16,7 @@ from markupsafe import Markup
 
 from touchstone.reports.metrics import METRICS, label
 from touchstone.reports.page import charts
-from touchstone.reports.page.html import (
-    PARTS,
-    TEMPLATES,
-    Change,
-    Content,
-    Inline,
-    Linked,
-    part_body,
-)
+from touchstone.reports.page.html import PARTS, TEMPLATES, Change, Content, Inline, Linked, part_body
 from touchstone.reports.page.playback import ALARM
 from touchstone.reports.results import NOT_RUN, Row, by_scene, rows_of
 from touchstone.reports.runner.request import REFERENCE, reproduce, script_command
@@ -92,13 +84,8 @@ WORST_HEADS = ((LIMITS, ""), *HEADS[1:-1], ("time", "over the fastest"))
 
 def matrix_table(found: Found, columns: Sequence[Column]) -> tuple[Markup, dict[str, dict[str, object]]]:
     """The matrix as HTML, and the details of its cells by their id."""
-    cells = (
-        mine[topic, column]
-        for mine in found.values()
-        for topic, _ in HEADS
-        for column in columns
-        if (topic, column) in mine
-    )
+    keys = [(topic, column) for topic, _ in HEADS for column in columns]
+    cells = (mine[key] for mine in found.values() for key in keys if key in mine)
     return PARTS.matrix(found, columns, HEADS, title), {entry.id: facts(entry) for entry in cells}
 
 
@@ -284,13 +271,6 @@ def measured_part(content: Content) -> Markup:
     return Markup(PARTS.fold(part.title, drawn + part_body(part), "measured", True))
 
 
-def nights_part(content: Content) -> Markup:
-    """Times over nights, folded away: a table of few nights, charts of more."""
-    body = PARTS.charts(content.history) if content.history else Markup("")
-    body += part_body(content.times)
-    return Markup(PARTS.fold("Times over nights", body, "nights") if body else "")
-
-
 def scene_parts(content: Content, scenes: Mapping[str, Sequence[Row]]) -> Markup:
     """A fold for every scene: all links to scenes have their target. Tables are in full up to MOST_TABLES
     characters; those of later scenes have the figures that miss a limit."""
@@ -299,9 +279,8 @@ def scene_parts(content: Content, scenes: Mapping[str, Sequence[Row]]) -> Markup
         part = _scene(content, scene, rows, True)
         size += len(part)
         parts.append(part if size <= MOST_TABLES else _scene(content, scene, rows, False))
-    return Markup('<section class="scenes"><h2>Figures of each scene</h2>{}</section>').format(
-        Markup("").join(parts)
-    )
+    body = Markup("").join(parts)
+    return Markup('<section class="scenes"><h2>Figures of each scene</h2>{}</section>').format(body)
 
 
 def _scene(content: Content, scene: str, rows: Sequence[Row], full: bool) -> Markup:
@@ -355,9 +334,8 @@ def settings_part(settings: Mapping[str, Mapping[str, object]]) -> Markup:
         played_with = facts.get("settings", {})
         flat = {"version": facts.get("version", ""), "step [s]": facts.get("dt", "")}
         flat |= played_with if isinstance(played_with, dict) else {}
-        groups.setdefault(f"{engine} {profile}", {})[scene] = {
-            name: str(value) for name, value in flat.items()
-        }
+        texts = {name: str(value) for name, value in flat.items()}
+        groups.setdefault(f"{engine} {profile}", {})[scene] = texts
     parts = []
     for head, scenes in groups.items():
         names = list(dict.fromkeys(name for facts in scenes.values() for name in facts))
@@ -405,14 +383,15 @@ def page(content: Content) -> str:
         f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
-    published = content.published
+    published, times = content.published, PARTS.charts(content.history) if content.history else Markup("")
+    times += part_body(content.times)  # a table of few nights, charts of more
     identity = [*map(list, content.identity), ["command", content.command]]
     studies = studies_part(content.studies) if content.studies is not None and len(content.studies) else ""
     parts = [
         PARTS.fold(published.title, part_body(published), "published", True) if published.rows else "",
         measured_part(content),
         charts_part(content),
-        nights_part(content),
+        PARTS.fold("Times over nights", times, "nights") if times else "",
         PARTS.fold("Hard cases and studies", studies, "studies") if studies else "",
         *(_scene_parts(content, rows, scenes) if scenes else ()),
         PARTS.fold("Machine, program and command", PARTS.table(["", ""], identity, 2), "identity"),
@@ -440,10 +419,9 @@ def page(content: Content) -> str:
 
 def _scene_parts(content: Content, rows: list[Row], scenes: dict[str, list[Row]]) -> tuple[str, ...]:
     known = [row for row in rows if row.verdict == "known"]
+    title = plural(len(known), "known failing")
     return (
-        PARTS.fold(plural(len(known), "known failing"), causes_table(known, scenes), "failings")
-        if known
-        else "",
+        PARTS.fold(title, causes_table(known, scenes), "failings") if known else "",
         PARTS.fold("Where the reference loses", reference_loses(content.frame, scenes), "loses"),
         scene_parts(content, scenes),
         PARTS.fold("Settings that each engine got", settings_part(content.settings), "settings"),
@@ -463,9 +441,7 @@ def _colors() -> str:
     """Colours of the engines in the page; black becomes the colour of the text."""
     shown = {name: "var(--ink)" if color == "#000000" else color for name, color in charts.colors().items()}
     rules = [f"{charts.variable(name)}: {color};" for name, color in shown.items()]
-    marks = [
-        f'[data-engine="{name}"] {{ --engine: {color}; stroke: {color}; }}' for name, color in shown.items()
-    ]
+    marks = [f'[data-engine="{one}"] {{ --engine: {c}; stroke: {c}; }}' for one, c in shown.items()]
     return ":root { " + " ".join(rules) + " }\n" + "\n".join(marks) + "\n"
 
 

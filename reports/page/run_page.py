@@ -26,7 +26,7 @@ from touchstone.reports.page.charts import NOT_DRAWN, force_charts
 from touchstone.reports.page.html import Content
 from touchstone.reports.page.page import pack_text, page
 from touchstone.reports.page.playback import packed
-from touchstone.reports.results import write_beside
+from touchstone.reports.results import write_text
 from touchstone.reports.views.findings import published_part
 from touchstone.reports.views.matrix import verdict_of
 from touchstone.reports.views.tables import Column, first_columns
@@ -46,37 +46,29 @@ def packed_scene(scenario: Scenario, played: Mapping[tuple[str, str], Context]) 
 def write_page(request: Request, results: Results, manifest: Mapping[str, Any], folder: Path) -> None:
     """Write `report.html` into the folder of a run; charts that cannot be drawn are a fault."""
     level, verdict = verdict_of(results.frame)
+    identity = machine() | origin()
+    del identity["command"]
+    courses: dict[str, tuple[Scenario, dict[tuple[str, str], Course]]] = {}
+    for scenario in request.scenarios:  # each engine in its first profile that played
+        own = first_columns(key[1:] for key in results.courses if key[0] == scenario.name)
+        courses[scenario.name] = scenario, {column: results.courses[scenario.name, *column] for column in own}
     content = Content(
         title="touchstone run",
         level=level,
         verdict=verdict,
         frame=results.frame,
         command=request.command,
-        identity=[
-            *machine().items(),
-            *((name, value) for name, value in origin().items() if name != "command"),
-        ],
+        identity=list(identity.items()),
         playback=results.playback,
-        forces=force_charts(_courses(request, results)),
+        forces=force_charts(courses),
         settings=manifest["engines"],
         published=published_part(results.frame, request.scenarios),
         summaries={scenario.name: scenario.summary for scenario in request.scenarios},
     )
     text = page(content)
-    write_beside(folder / "report.html", lambda part: part.write_text(text, "utf-8"))
+    write_text(folder / "report.html", text)
     if NOT_DRAWN in text:
         results.faults.append("report.html lacks charts, and says why; results are stored")
-
-
-def _courses(
-    request: Request, results: Results
-) -> dict[str, tuple[Scenario, Mapping[tuple[str, str], Course]]]:
-    """Time series of each scene, each engine in its first profile that played."""
-    found: dict[str, tuple[Scenario, Mapping[tuple[str, str], Course]]] = {}
-    for scenario in request.scenarios:
-        own = first_columns(key[1:] for key in results.courses if key[0] == scenario.name)
-        found[scenario.name] = scenario, {column: results.courses[scenario.name, *column] for column in own}
-    return found
 
 
 VERSION_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

@@ -147,16 +147,12 @@ def _statistics(study: str, scenario: Scenario, mine: Timed, theirs: Timed) -> I
     every = np.arange(ours.shape[1])
     where = f"contact in {len(chosen)} of {plural(len(every), 'frame')}" if some else "no contact: all frames"
     base = Row(study, scenario.name, REFERENCE, mine.label, mine.dt, FRAMES, unit="frames")
-    yield replace(base, value=float(len(chosen) if some else 0), subject=f"{theirs.engine} {theirs.label}")
+    base = replace(base, subject=f"{theirs.engine} {theirs.label}")
+    yield replace(base, value=float(len(chosen) if some else 0))
     for suffix, statistic in STATISTICS.items():
         ratio = restart_ratio(ours, others, statistic, every if suffix else chosen)
-        yield Row(
-            *(study, scenario.name, REFERENCE, mine.label, mine.dt, f"{RATIO}{suffix}", ratio.value, "1"),
-            subject=f"{theirs.engine} {theirs.label}",
-            low=ratio.low,
-            high=ratio.high,
-            reason="" if suffix else where,
-        )
+        row = replace(base, metric=f"{RATIO}{suffix}", unit="1", reason="" if suffix else where)
+        yield replace(row, **ratio._asdict())
 
 
 def _judged(kind: str, row: Row, stages: str, scenario: Scenario, frames: float, median: float) -> Row:

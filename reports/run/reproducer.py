@@ -47,9 +47,8 @@ def reproduced(scenario: Scenario, engine: str, settings: Settings, progress: Pr
         written(scenario, engine, settings)  # says which engines have scripts
     changes = tuple(f"{engine}.{change}" for change in settings.changes)
     with scratch_folder() as folder:
-        request = Request(
-            (scenario,), ((engine, settings.profile),), folder / "run", settings.dt, changes=changes
-        )
+        columns = ((engine, settings.profile),)
+        request = Request((scenario,), columns, folder / "run", settings.dt, changes=changes)
         results = play(request, progress)
         rows = rows_of(results.frame)
         for row in rows:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from math import inf, isnan, nan
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from touchstone.reports.metrics.motion.time_series import course
 from touchstone.reports.output_folder import output_folder
 from touchstone.reports.page.run_page import packed_scene, write_page
 from touchstone.reports.progress import SCENE, Progress
-from touchstone.reports.results import Row, rows_of, save, save_manifest, table, write_beside
+from touchstone.reports.results import Row, rows_of, save, save_manifest, table, write_text
 from touchstone.reports.run.farthest_apart import apart_rows, measured_horizon, parity_rows
 from touchstone.reports.run.ratios import ratio_rows, timed
 from touchstone.reports.runner.request import EVERY_ENGINE, MACHINE_PROFILE, STUDY, Request, Results
@@ -85,6 +86,7 @@ def run(request: Request, progress: Progress, judged_scene: Listener = lambda fr
                 judged_scene(table([row for row in rows if row.scenario == scenario.name]))
         results.frame = table(rows)
         save(results.frame, folder)
+        played = results.recordings | results.ended
         manifest = {
             "command": request.command,
             "tracker": request.tracker,
@@ -92,18 +94,11 @@ def run(request: Request, progress: Progress, judged_scene: Listener = lambda fr
                 s.name: {"tags": s.tags, "seed": s.seed, "held_samples": [t.held for t in s.trackers]}
                 for s in request.scenarios
             },
-            "engines": {
-                "/".join(key): recording.facts
-                for key, recording in (results.recordings | results.ended).items()
-            },
+            "engines": {"/".join(key): recording.facts for key, recording in played.items()},
         }
         save_manifest(folder, manifest)
 
-        page = folder / "report.md"
-        results.write(
-            page.name,
-            lambda: write_beside(page, lambda part: part.write_text(report(request, results), "utf-8")),
-        )
+        results.write("report.md", lambda: write_text(folder / "report.md", report(request, results)))
         results.write("report.html", lambda: write_page(request, results, manifest, folder))
         results.write(BUDGET_PICTURE, lambda: write_picture(results.recordings, folder))
         results.write("pictures", lambda: draw(request, results, folder))
@@ -119,7 +114,13 @@ def measure_scene(
     progress: Progress,
 ) -> list[Row]:
     """Play and judge one scene; `folder` has `recordings` and `output`; `results` collects recordings."""
-    outcomes, missing = _play(request, scenario, folder, children, progress)
+    jobs = [job_of(request, scenario, *column, folder) for column in request.columns if installed(column[0])]
+    missing = [
+        Row(STUDY, scenario.name, engine, profile, nan, "run", verdict=MISSING, reason=missing_reason(engine))
+        for engine, profile in request.columns
+        if not installed(engine)
+    ]
+    outcomes = children.play(jobs, progress)
 
     def horizon() -> float:
         played = next(outcome.job for outcome in outcomes if outcome.status == "done")
@@ -135,19 +136,6 @@ def job_of(request: Request, scenario: Scenario, engine: str, profile: str, fold
     files = folder / "recordings" / f"{name}.npz", folder / "output" / f"{name}.txt"
     budget = (LARGE_BUDGET if "large" in scenario.tags else HEAP_BUDGET) if "heap" in scenario.tags else inf
     return Job(engine, scenario, settings, *files, budget)
-
-
-def _play(
-    request: Request, scenario: Scenario, folder: Path, children: Children, progress: Progress
-) -> tuple[list[Outcome], list[Row]]:
-    jobs, missing = [], []
-    for engine, profile in request.columns:
-        if not installed(engine):
-            row = Row(STUDY, scenario.name, engine, profile, nan, "run", verdict=MISSING)
-            missing.append(replace(row, reason=missing_reason(engine)))
-            continue
-        jobs.append(job_of(request, scenario, engine, profile, folder))
-    return children.play(jobs, progress), missing
 
 
 @np.errstate(all="ignore")  # what overflows is infinite or NaN in its row, and warns nobody
@@ -286,12 +274,10 @@ def judge(
     except RunError:
         stored = table([])
     with output_folder(out) as part:
-        for scenario in scenarios:
-            mine = stored[(stored.scenario == scenario.name) & (stored.metric == HORIZON)]
-            horizon = float(mine.value.max())  # which recordings do not tell
-            rows += judge_outcomes(
-                request, scenario, outcomes[scenario.name], results, progress, lambda h=horizon: h
-            )
+        for one in scenarios:
+            mine = stored[(stored.scenario == one.name) & (stored.metric == HORIZON)]
+            horizon = partial(float, mine.value.max())  # which recordings do not tell
+            rows += judge_outcomes(request, one, outcomes[one.name], results, progress, horizon)
         results.frame = table([row for row in rows if not metrics or row.metric in (*metrics, "run")])
         save(results.frame, part)
         save_manifest(part, {"command": command, "judged": str(folder)})

@@ -78,7 +78,8 @@ def judged_time(
     A limit is met or broken only where the whole interval of the ratio is on one side of it.
     """
     measured = _measured().get((row.scenario, row.profile, kind, row.metric))
-    target = _target(row, kind, tags)
+    places = ((place, kind, row.metric) for place in (row.scenario, *tags, "") if row.profile in AIMING)
+    target = next((TARGETS[place] for place in places if place in TARGETS), None)
     missed = target is not None and measured is not None and measured > target
     # single runs differ by more than MARGIN: where the target is met, it alone judges them
     if measured is None or (frames < inf and not missed):
@@ -95,20 +96,12 @@ def judged_time(
         why = f"too close to {limit:.2g} for one run" if close else "no verdict from one run"
         return replace(row, reason=f"{said}: {why}, {command} decides")
     if is_undecided(row, limit):
-        return replace(
-            row, reason=f"{said}: no verdict, its interval includes {limit:.2g}; more restarts decide"
-        )
+        said += f": no verdict, its interval includes {limit:.2g}; more restarts decide"
+        return replace(row, reason=said)
     verdict = "pass" if row.value <= limit else "fail"
     if target is not None and verdict == "pass" and row.value > target:
         verdict, said = "known", f"{said}; misses its target {target:g}; {stages}"
     return replace(row, limit=limit, verdict=verdict, reason=said)
-
-
-def _target(row: Row, kind: str, tags: tuple[str, ...]) -> float | None:
-    if row.profile not in AIMING:
-        return None
-    found = (TARGETS.get((place, kind, row.metric)) for place in (row.scenario, *tags, ""))
-    return next((target for target in found if target is not None), None)
 
 
 @cache

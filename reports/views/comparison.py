@@ -39,7 +39,6 @@ from touchstone.reports.views.pictures import (
 from touchstone.reports.views.tables import number, scaled_number, unit_of
 
 if TYPE_CHECKING:
-    from touchstone.reports.runner.request import Request, Results
     from touchstone.scenarios.scenario import Scenario
 
 
@@ -380,9 +379,7 @@ def _courses(line: Line, results: Results) -> dict[str, tuple[Array, Array]]:
     """Per engine times and values of a line's metric; empty where it has no time series."""
     key = (line.metric, line.subject)
     found = {e: results.courses.get((line.scenario, e, row.profile)) for e, row in line.rows.items()}
-    return {
-        e: (course.time, course.values[key]) for e, course in found.items() if course and key in course.values
-    }
+    return {e: (one.time, one.values[key]) for e, one in found.items() if one and key in one.values}
 
 
 def _panel(line: Line, results: Results, top: float) -> Any:

@@ -63,27 +63,16 @@ class Budget:
 
 def budgets(recordings: Mapping[tuple[str, str, str], Recording]) -> list[Budget]:
     """The budget of every recording of the reference in PROFILES, the cheapest first."""
-    found = (
-        _budget(scene, profile, recording)
-        for (scene, engine, profile), recording in recordings.items()
-        if engine == ENGINE and profile in PROFILES
-    )
+    found = []
+    for (scene, engine, profile), one in recordings.items():
+        if engine == ENGINE and profile in PROFILES:
+            stages = {str(name): one.stage_seconds[:, k] for k, name in enumerate(one.stage_names)}
+            work = {str(name): one.work[:, k] for k, name in enumerate(one.work_names)}
+            none = np.zeros(len(one.time_frame))
+            work[SOLVES] = work.get(QP_SOLVES, none) + work.get(CCD_PASSES, none)
+            counts = {name: work.get(name, none) for name in (SOLVES, IK_JOINTS, PAIRS)}
+            found.append(Budget(scene, profile, one.time[1:], one.time_frame, stages, counts))
     return sorted(found, key=lambda budget: budget.cost)
-
-
-def _budget(scene: str, profile: str, recording: Recording) -> Budget:
-    stages = {str(name): recording.stage_seconds[:, k] for k, name in enumerate(recording.stage_names)}
-    counts = {str(name): recording.work[:, k] for k, name in enumerate(recording.work_names)}
-    none = np.zeros(len(recording.time_frame))
-    counts[SOLVES] = counts.get(QP_SOLVES, none) + counts.get(CCD_PASSES, none)
-    return Budget(
-        scene,
-        profile,
-        recording.time[1:],
-        recording.time_frame,
-        stages,
-        {name: counts.get(name, none) for name in (SOLVES, IK_JOINTS, PAIRS)},
-    )
 
 
 def budget_part(recordings: Mapping[tuple[str, str, str], Recording]) -> Part:
@@ -130,12 +119,9 @@ def write_picture(recordings: Mapping[tuple[str, str, str], Recording], folder: 
 def frame_budget(found: list[Budget], path: Path) -> None:
     """Draw the scenes in rows of two panels."""
     note = "the reference's frames by stage, and what collision detection and overlap removal had to do"
-    save(grid(list(map(_panel, found)), COLUMNS), path, "What a frame costs", note)
-
-
-def _panel(budget: Budget) -> Any:
-    busy = any(counts.any() for counts in budget.counts.values())
-    return _stages(budget, not busy) & _work(budget) if busy else _stages(budget, not busy)
+    busy = [any(counts.any() for counts in budget.counts.values()) for budget in found]
+    panels = [_stages(b, False) & _work(b) if some else _stages(b, True) for b, some in zip(found, busy)]
+    save(grid(panels, COLUMNS), path, "What a frame costs", note)
 
 
 def _stages(budget: Budget, labels: bool) -> Any:
@@ -149,8 +135,7 @@ def _stages(budget: Budget, labels: bool) -> Any:
     cut = int((1e6 * budget.frame > top).sum())
     head = f"{budget.scene}: median {1e6 * budget.cost:.0f} µs"
     title = {"text": head, "subtitle": f"{plural(cut, 'frame')} higher" if cut else ""}
-    title_x = TIME if labels else None
-    x = axis(alt.X, "time", title_x, (0, budget.time[-1]), labels=labels, grid=False)
+    x = axis(alt.X, "time", TIME if labels else None, (0, budget.time[-1]), labels=labels, grid=False)
     y = axis(alt.Y, "us", "frame [µs]", (0, top), grid=False)
     table["order"] = table.part.map(list(COLORS).index)
     drawn = alt.Chart(table).mark_area(clip=True).encode(x=x, y=y, color=COLOR, order="order:Q")
@@ -161,9 +146,8 @@ def _work(budget: Budget) -> Any:
     solves, pairs = budget.counts[SOLVES], budget.counts[PAIRS]
     table = pd.DataFrame({"time": budget.time, "solves": solves, "pairs": pairs})
     x = axis(alt.X, "time", TIME, (0, budget.time[-1]), grid=False)
-    y = axis(
-        alt.Y, "solves", "count", (0, max(4.0, 1.15 * float(max(solves.max(), pairs.max())))), grid=False
-    )
+    top = max(4.0, 1.15 * float(max(solves.max(), pairs.max())))
+    y = axis(alt.Y, "solves", "count", (0, top), grid=False)
     bars = alt.Chart(table[table.solves > 0].assign(part="posture QPs")).mark_rule()
     line = alt.Chart(table.assign(part="contacting pairs")).mark_line(interpolate="step", strokeWidth=1.4)
     bars = bars.encode(x=x, y=y, y2=alt.datum(0), color=COLOR)

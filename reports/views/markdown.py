@@ -120,49 +120,31 @@ def _differences(request: Request, results: Results) -> list[str]:
 def _section(request: Request, results: Results, section: Section, own: Columns) -> Part:
     """The table and picture of a topic, and the scenes in which each engine is best."""
     worst, name = worst_lines(section), section.topic.name
-    heads = [
-        "scene",
-        "metric",
-        "unit",
-        *map(head, own.values()),
-        "limit",
-        "outlier",
-        "the scene's worst again",
-    ]
-    rows = [
-        _line(
-            line, own, _limits(line, results), f"`{command(request, line)}`" * (line is worst[line.scenario])
-        )
-        for line in section.lines
-    ]
+    heads = ["scene", "metric", "unit", *map(head, own.values())]
+    heads += ["limit", "outlier", "the scene's worst again"]
+    rows = []
+    for line in section.lines:
+        cells = [cell_of(line.rows[engine]) if engine in line.rows else TableCell("-") for engine in own]
+        figures = [line.unit, *(cell.marked for cell in cells), _limits(line, results), line.outlier_text]
+        again = f"`{command(request, line)}`" if line is worst[line.scenario] else ""
+        rows.append([line.scenario, f"`{line.name}`", *figures, again])
     lines = _nearest(section, own) if rows else []
     lines += [f"{reason} ({', '.join(dict.fromkeys(scenes))})" for reason, scenes in section.gaps.items()]
     lines += [f"no engine apart: {', '.join(section.equal)}"] if section.equal else []
     lines += [f"no figure of two engines: {', '.join(section.without)}"] if section.without else []
     title = f"differences in {name}"
-    return (
-        Part(title, heads, rows, (), lines, words=3, picture=f"{name}.png")
-        if rows
-        else Part(title, lines=lines)
-    )
-
-
-def _line(line: Line, own: Columns, limit: str, again: str) -> list[str]:
-    cells = [cell_of(line.rows[engine]) if engine in line.rows else TableCell("-") for engine in own]
-    marked = [cell.marked for cell in cells]
-    return [line.scenario, f"`{line.name}`", line.unit, *marked, limit, line.outlier_text, again]
+    if not rows:
+        return Part(title, lines=lines)
+    return Part(title, heads, rows, (), lines, words=3, picture=f"{name}.png")
 
 
 def _limits(line: Line, results: Results) -> str:
     """The limit of all engines or of each kind of engine; for a time, that of the reference's ratio."""
     if line.metric == "time.frame.median":
-        frame = results.frame[
-            (results.frame.scenario == line.scenario) & (results.frame.metric == "ratio.time")
-        ]
-        ratios = [row for row in rows_of(frame) if np.isfinite(row.limit)]
-        return "; ".join(
-            f"{row.engine} {number(row.value)} of {row.subject}, at most {row.limit:g}" for row in ratios
-        )
+        frame = results.frame
+        mine = rows_of(frame[(frame.scenario == line.scenario) & (frame.metric == "ratio.time")])
+        some = [row for row in mine if np.isfinite(row.limit)]
+        return "; ".join(f"{r.engine} {number(r.value)} of {r.subject}, at most {r.limit:g}" for r in some)
     found: dict[str, list[str]] = {}
     for engine, row in line.rows.items():
         if np.isfinite(row.limit):

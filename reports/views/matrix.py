@@ -83,9 +83,8 @@ class Entry:
     @property
     def id(self) -> str:
         """Key of the cell in links."""
-        return "/".join(
-            (self.row.scenario, self.row.engine, self.row.profile, self.row.metric, self.row.subject)
-        )
+        row = self.row
+        return "/".join((row.scenario, row.engine, row.profile, row.metric, row.subject))
 
     @property
     def verdict(self) -> str:
@@ -98,15 +97,19 @@ class Entry:
         return MARKS.get(self.verdict, "").strip()
 
 
-def entries(rows: Sequence[Row], columns: Sequence[Column]) -> dict[tuple[str, Column], Entry]:
-    """Cells of one scene by topic and column."""
+Cells = dict[tuple[str, Column], Entry]
+"""Cells of one scene by topic and column."""
+Found = dict[str, Cells]
+
+
+def entries(rows: Sequence[Row], columns: Sequence[Column]) -> Cells:
+    """Cells of one scene."""
     mine = {column: [row for row in rows if (row.engine, row.profile) == column] for column in columns}
     found = _limit_entries(rows, mine)
     ours = next((column for column in columns if column[0] == REFERENCE), None)
+    measured = {row.metric for row in rows if isfinite(row.value)}
     for topic in TOPICS:
-        metric = next(
-            (m for m in topic.metrics if any(r.metric == m and isfinite(r.value) for r in rows)), ""
-        )
+        metric = next((one for one in topic.metrics if one in measured), "")
         values = {column: [r for r in some if r.metric == metric] for column, some in mine.items()}
         known = {column: [r for r in some if isfinite(r.value)] for column, some in values.items()}
         least = min((abs(r.value) for some in known.values() for r in some), default=0.0)
@@ -129,9 +132,7 @@ def entries(rows: Sequence[Row], columns: Sequence[Column]) -> dict[tuple[str, C
     return found
 
 
-def _limit_entries(
-    rows: Sequence[Row], mine: Mapping[Column, Sequence[Row]]
-) -> dict[tuple[str, Column], Entry]:
+def _limit_entries(rows: Sequence[Row], mine: Mapping[Column, Sequence[Row]]) -> Cells:
     """Cells of the limits met, of all topics; of a run that did not end, its verdict."""
     played = [row for some in mine.values() for row in some if row.verdict or "ratio." not in row.metric]
     counts: dict[Column, Count] = counted(played, list(mine))
@@ -148,13 +149,10 @@ def _limit_entries(
     return found
 
 
-Found = dict[str, dict[tuple[str, Column], Entry]]
-
-
-def worst_of(found: Found, columns: Sequence[Column]) -> dict[tuple[str, Column], Entry]:
+def worst_of(found: Found, columns: Sequence[Column]) -> Cells:
     """The worst cell of each topic and column in any scene, by the gravest verdict, then by the share of the
     value where its colour begins; a time is shown over the fastest one of its scene. Limits are counted."""
-    worst: dict[tuple[str, Column], Entry] = {}
+    worst: Cells = {}
     for column in columns:
         counts = [mine[LIMITS, column] for mine in found.values() if (LIMITS, column) in mine]
         if counts:
@@ -163,19 +161,13 @@ def worst_of(found: Found, columns: Sequence[Column]) -> dict[tuple[str, Column]
             text = "/".join(map(str, met)) if met[1] else counts[0].text
             worst[LIMITS, column] = replace(counts[0], text=text, missed=tuple(missed), met=met)
         for topic in TOPICS:
-            cells = [
-                _measured(mine, (topic.name, column))
-                for mine in found.values()
-                if (topic.name, column) in mine
-            ]
-            if cells:
-                worst[topic.name, column] = max(cells, key=lambda one: one[0])[1]
+            key = (topic.name, column)
+            if cells := [_measured(mine, key) for mine in found.values() if key in mine]:
+                worst[key] = max(cells, key=lambda one: one[0])[1]
     return worst
 
 
-def _measured(
-    mine: Mapping[tuple[str, Column], Entry], key: tuple[str, Column]
-) -> tuple[tuple[int, float], Entry]:
+def _measured(mine: Cells, key: tuple[str, Column]) -> tuple[tuple[int, float], Entry]:
     """How bad a cell of a scene is, and the cell with the text of `worst_of`."""
     cell = mine[key]
     grave, size = weight(replace(cell.row, verdict=cell.verdict))
@@ -288,10 +280,8 @@ def cause_of(row: Row) -> str:
 
 def verdict_of(frame: pd.DataFrame) -> tuple[str, str]:
     """Level and sentence of a run by itself."""
-    counts = frame.verdict.value_counts()
-    fails, errors = int(counts.get("fail", 0)), int(counts.get("error", 0))
-    known, unjudged = int(counts.get("known", 0)), int(counts.get(UNJUDGED, 0))
-    met = int(counts.get("pass", 0))
+    verdicts = ("fail", "error", "known", UNJUDGED, "pass")
+    fails, errors, known, unjudged, met = (int((frame.verdict == one).sum()) for one in verdicts)
     missing = sorted(set(frame.engine[(frame.metric == "run") & frame.verdict.isin(NOT_RUN[1:])]))
     rest = [plural(known, "known failing")] if known else []
     rest += [f"{unjudged} not judged"] if unjudged else []
@@ -300,11 +290,9 @@ def verdict_of(frame: pd.DataFrame) -> tuple[str, str]:
     if fails or errors:
         broken = frame[frame.verdict.isin(["fail", "error"])]
         who = ", ".join(f"{name} {count}" for name, count in broken.engine.value_counts().items())
-        what = [
-            f"{plural(fails, 'limit')} broken" if fails else "",
-            f"{plural(errors, 'run')} failed" if errors else "",
-        ]
-        return BAD, f"{' and '.join(filter(None, what))}: {who}; {plural(met, 'limit')} met{tail}."
+        what = [f"{plural(fails, 'limit')} broken"] if fails else []
+        what += [f"{plural(errors, 'run')} failed"] if errors else []
+        return BAD, f"{' and '.join(what)}: {who}; {plural(met, 'limit')} met{tail}."
     if not met:
         return WARN, f"Nothing was judged{tail}."
     return (WARN if unjudged or missing else GOOD), f"All {met} limits met{tail}."

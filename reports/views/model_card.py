@@ -86,12 +86,7 @@ def _driven(scenario: Scenario) -> list[Tracker]:
 
 
 def _row(
-    model: str,
-    tracker: Tracker,
-    scenario: Scenario,
-    whole: tuple[float, Array, Array],
-    off: str,
-    remark: str,
+    model: str, tracker: Tracker, scenario: Scenario, whole: tuple[float, Array, Array], off: str, remark: str
 ) -> dict[str, object]:
     mass, center, inertia = whole
     free = sum(6 for body in scenario.bodies if body.kind == "simulated")

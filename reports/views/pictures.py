@@ -13,7 +13,7 @@ import pandas as pd
 from PIL import Image
 
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.results import write_beside
+from touchstone.reports.results import write_beside, write_text
 from touchstone.reports.views.renderer import png, svg
 
 INK, PALE, GRID = "#222222", "#8a8a8a", "#e8e8e8"
@@ -53,15 +53,15 @@ def save(chart: Any, path: Path, title: str = "", note: str = "", kind: str = "p
     """Write a chart as PNG or SVG with texts of a size [point], whole or not at all; equal data make equal
     files."""
     head = {"text": title, "subtitle": note, "fontSize": 13, "subtitleFontSize": 9.5, "offset": 12}
-    text = {"labelColor": INK, "titleColor": INK, "labelFontSize": size, "titleFontSize": size}
-    axes = {
-        "gridColor": GRID,
-        "domainColor": PALE,
-        "tickColor": PALE,
-        "titleFontWeight": "normal",
+    text = {
+        "labelColor": INK,
+        "titleColor": INK,
+        "labelFontSize": size,
+        "titleFontSize": size,
         "labelLimit": 0,
     }
-    legend = {"orient": "bottom", "columns": 6, "title": None, "labelLimit": 0, "symbolSize": 60}
+    axes = {"gridColor": GRID, "domainColor": PALE, "tickColor": PALE, "titleFontWeight": "normal"}
+    legend = {"orient": "bottom", "columns": 6, "title": None, "symbolSize": 60}
     heads = {"color": INK, "subtitleColor": PALE, "fontSize": size + 1, "subtitleFontSize": size}
     look = {
         "font": "Liberation Sans, Arial, sans-serif",
@@ -75,8 +75,7 @@ def save(chart: Any, path: Path, title: str = "", note: str = "", kind: str = "p
     }
     found = {**chart.to_dict(), **({"title": head} if title else {}), "config": look}
     if kind == "svg":
-        drawing = svg(found)
-        write_beside(path, lambda part: part.write_text(drawing, "utf-8"))
+        write_text(path, svg(found))
     else:
         drawn = Image.open(BytesIO(png(found))).convert("RGB")
         # a fifth of the size of a file with 8 bits a channel

@@ -31,31 +31,23 @@ def report(frame: pd.DataFrame) -> list[Part]:
         values += [_frame_time(part[part.measure == TIMING])] if timed else []
         label = f"{first.profile} {first.settings}".strip()
         texts = [first.scenario, first.engine, label, *([str(first.seed)] if seeded else [])]
-        rows.append([*texts, step_text(first["dt"]), *values, _outcome(part)])
+        ended = part[part.metric == "run"]
+        ends = (f"{o}: {r}" if o != "done" else r for o, r in zip(ended.outcome, ended.reason))
+        rows.append([*texts, step_text(first["dt"]), *values, "; ".join(dict.fromkeys(ends))])
     return [Part(plural(frame.cell.nunique(), "cell"), heads, rows, words=len(TEXTS) + seeded, last=1)]
 
 
 def _value(part: pd.DataFrame, metric: str) -> str:
     values = part[part.metric == metric].value.dropna()
-    if values.empty:
-        return "-"
-    return f"{np.median(values) * in_tables(metric)[1]:.3g}"
+    return "-" if values.empty else f"{np.median(values) * in_tables(metric)[1]:.3g}"
 
 
 def _frame_time(part: pd.DataFrame) -> str:
     """Median over rounds of the mean time of the displayed frames that were timed, with the range [us]."""
-    per_cell = part[part.metric.isin(("run", FRAMES))].pivot_table(
-        index="cell", columns="metric", values="value"
-    )
+    timed = part[part.metric.isin(("run", FRAMES))]
+    per_cell = timed.pivot_table(index="cell", columns="metric", values="value")
     if per_cell.empty or FRAMES not in per_cell:
         return "-"
     found = 1e6 * per_cell["run"] / per_cell[FRAMES]
     spread = f" ({found.min():.3g}-{found.max():.3g})" if len(found) > 1 else ""
     return f"{found.median():.3g}{spread}"
-
-
-def _outcome(part: pd.DataFrame) -> str:
-    ended = part[part.metric == "run"]
-    return "; ".join(
-        dict.fromkeys(f"{o}: {r}" if o != "done" else r for o, r in zip(ended.outcome, ended.reason))
-    )

@@ -5,7 +5,7 @@ The bodies that are farthest apart between two columns, in words.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isnan, nan
 
@@ -42,10 +42,9 @@ class TableCell:
     @property
     def marked(self) -> str:
         """The text with its marks, as in LEGEND."""
-        basis = (
-            "" if self.verdict in MARKS and self.basis == CONSTRUCTION else BASIS_MARKS.get(self.basis, "")
-        )
-        return self.text + ("*" if self.outlier else "") + basis + MARKS.get(self.verdict, "")
+        missed = MARKS.get(self.verdict, "")
+        basis = "" if missed and self.basis == CONSTRUCTION else BASIS_MARKS.get(self.basis, "")
+        return self.text + ("*" if self.outlier else "") + basis + missed
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,26 +61,22 @@ Rows = dict[tuple[Column, str, str], Row]
 """Rows by column, metric and subject."""
 
 
-def grid(frame: pd.DataFrame, scenario: str, shown: Collection[Column] = ()) -> Grid:
-    """The grid of one scene from the long table; `shown` (engine, profile) columns, or all. Metrics that
-    apply to none of them get no row."""
-    scene = [
-        row
-        for row in rows_of(frame[frame.scenario == scenario])
-        if row.engine != "all" and not row.metric.startswith("ratio.")
-    ]
+def grid(frame: pd.DataFrame, scenario: str) -> Grid:
+    """The grid of one scene from the long table. Metrics that apply to no column get no row."""
+    scene = rows_of(frame[(frame.scenario == scenario) & (frame.engine != "all")])
+    scene = [row for row in scene if not row.metric.startswith("ratio.")]
     found: Rows = {((row.engine, row.profile), row.metric, row.subject): row for row in scene}
-    steps = columns_of(row for row in scene if not shown or (row.engine, row.profile) in shown)
+    steps = columns_of(scene)
     subjects: dict[str, dict[str, None]] = {}
-    for column, metric, subject in found:
-        row = found[column, metric, subject]
-        if column in steps and (row.verdict not in NOT_RUN or subject):
-            subjects.setdefault(metric, {})[subject] = None
+    for row in scene:
+        if row.verdict not in NOT_RUN or row.subject:
+            subjects.setdefault(row.metric, {})[row.subject] = None
     rows = []
     for metric in (name for name in (*METRICS, PARITY) if name not in HIDDEN):
         for subject in subjects.get(metric, {}):
             cells = [_cell(found, column, metric, subject) for column in steps]
-            values = [_value(found.get((column, metric, subject))) for column in steps]
+            mine = [found.get((column, metric, subject)) for column in steps]
+            values = [nan if row is None else row.value for row in mine]
             rows.append((metric, subject, unit_of(metric), _with_outlier(cells, values)))
     return Grid([(*column, step) for column, step in steps.items()], rows)
 
@@ -105,10 +100,6 @@ def first_columns(columns: Iterable[Column]) -> list[Column]:
 def unit_of(metric: str) -> str:
     """The unit of tables; of what is no metric of one recording, "s" of PARITY and "1" of ratios of times."""
     return "s" if metric == PARITY else in_tables(metric)[0]
-
-
-def _value(row: Row | None) -> float:
-    return nan if row is None else row.value
 
 
 def _cell(found: Rows, column: Column, metric: str, subject: str) -> TableCell:

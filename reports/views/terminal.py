@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -62,21 +63,14 @@ TOTALS = (
 """Limits count per metric and scene; causes are those of the known failings; errors are failed runs."""
 
 
-def overview(frame: pd.DataFrame, shown: Collection[Column] = ()) -> list[Part]:
-    """Many scenes of a long table: limits met and figures that stand out, then TOTALS per column; `shown`
-    (engine, profile) columns, or all."""
-    rows = [
-        row
-        for row in rows_of(frame)
-        if row.engine != "all" and (not row.metric.startswith("ratio.") or row.verdict)
-    ]
-    rows = [row for row in rows if not shown or (row.engine, row.profile) in shown]
+def overview(frame: pd.DataFrame) -> list[Part]:
+    """Many scenes of a long table: limits met and figures that stand out, then TOTALS per column."""
+    rows = [row for row in rows_of(frame) if row.engine != "all"]
+    rows = [row for row in rows if row.verdict or not row.metric.startswith("ratio.")]
     columns = columns_of(rows)
     scenes = by_scene(rows)
     counts = {name: counted(part, list(columns)) for name, part in scenes.items()}
-    figures = [
-        line for name, part in scenes.items() for line in _section(name, part, list(columns), counts[name])
-    ]
+    figures = [line for name in scenes for line in _section(name, scenes[name], list(columns), counts[name])]
     totals = [[" ".join(c), *map(str, _total(scenes.values(), counts.values(), c))] for c in columns]
     remarks = _remarks(rows) + _not_applicable(counts.values())
     heads = [f"{engine}\n{profile}\n{step} s" for (engine, profile), step in columns.items()]
@@ -104,8 +98,12 @@ def _section(
     figures = [metric for metric in measured if not metric.startswith("time.")]
     first = next((m for m in figures if any(abs(row.value) > SHOWN_AS_ZERO for row in found[m].values())), "")
     kept = [m for m in measured if m == first or any(row.verdict in NOT_MET for row in found[m].values())]
-    outcome = [text_of(_outcome(rows, column, counts)) for column in columns]
-    lines: list[list[str | Text]] = [[], [Text(name, style="bold"), "", *outcome]]
+    # the limits met of those of the scene, or the reason why there are none
+    outcome = {column: TableCell(count.text, count.worst) for column, count in counts.items()}
+    for row in (row for row in reversed(rows) if row.metric == "run"):
+        outcome[row.engine, row.profile] = TableCell(row.verdict, row.verdict)
+    ends = (text_of(outcome.get(column, TableCell("-"))) for column in columns)
+    lines: list[list[str | Text]] = [[], [Text(name, style="bold"), "", *ends]]
     for metric in kept:
         mine = found[metric]
         cells = (cell_of(mine[column]) if column in mine else TableCell("-") for column in columns)
@@ -116,20 +114,8 @@ def _section(
 
 def _weight(row: Row) -> tuple[int, float]:
     """The worst verdict first, then the largest value."""
-    return (
-        NOT_MET.index(row.verdict) if row.verdict in NOT_MET else -1,
-        abs(row.value) if row.value == row.value else 0,
-    )
-
-
-def _outcome(rows: list[Row], column: Column, counts: Mapping[Column, Count]) -> TableCell:
-    """The limits met of those of the scene, or the reason why there are none."""
-    run = [row for row in rows if (row.engine, row.profile) == column and row.metric == "run"]
-    if run:
-        return TableCell(run[0].verdict, run[0].verdict)
-    if column not in counts:
-        return TableCell("-")
-    return TableCell(counts[column].text, counts[column].worst)
+    grave = NOT_MET.index(row.verdict) if row.verdict in NOT_MET else -1
+    return grave, abs(row.value) if row.value == row.value else 0
 
 
 def _total(
@@ -137,7 +123,7 @@ def _total(
 ) -> list[int]:
     mine = [count[column] for count in counts if column in count]
     rows = [row for scene in scenes for row in scene if (row.engine, row.profile) == column]
-    causes = {_cause(row) for row in rows if row.verdict == "known"}
+    causes = {BODY.sub("", row.reason) for row in rows if row.verdict == "known"}
     verdicts = {verdict: sum(count.verdicts[verdict] for count in mine) for verdict in WORST_LAST}
     runs = [row.verdict for row in rows if row.metric == "run"]
     return [
@@ -154,21 +140,15 @@ def _total(
     ]
 
 
-def _cause(row: Row) -> str:
-    return BODY.sub("", row.reason)
-
-
 def _not_applicable(counts: Iterable[Mapping[Column, Count]]) -> list[str]:
     """The reasons why limits do not apply, each once, with the metrics and counts."""
-    found: dict[str, dict[str, int]] = {}
-    for scene in counts:
-        for count in scene.values():
-            for metric, reason in count.not_applicable.items():
-                metrics = found.setdefault(reason, {})
-                metrics[metric] = metrics.get(metric, 0) + 1
+    found: dict[str, Counter[str]] = {}
+    for count in (count for scene in counts for count in scene.values()):
+        for metric, reason in count.not_applicable.items():
+            found.setdefault(reason, Counter())[metric] += 1
     return [
-        f"does not apply, {sum(metrics.values())} times: {reason}: {', '.join(metrics)}"
-        for reason, metrics in sorted(found.items(), key=lambda item: -sum(item[1].values()))
+        f"does not apply, {metrics.total()} times: {reason}: {', '.join(metrics)}"
+        for reason, metrics in sorted(found.items(), key=lambda item: -item[1].total())
     ]
 
 
@@ -176,34 +156,23 @@ def _remarks(rows: list[Row]) -> list[str]:
     """Broken limits, skipped runs and known failings: each reason once per engine, with its figures."""
     found: dict[tuple[str, str], list[str]] = {}
     for row in rows:
-        if (
-            row.verdict in NOT_MET
-            or row.verdict == UNJUDGED
-            or (row.verdict in NOT_RUN and row.metric == "run")
-        ):
-            reason = _cause(row)
-            figure = row.scenario if row.metric == "run" else f"{row.scenario} {_figure(row)}"
+        if row.verdict in (*NOT_MET, UNJUDGED) or (row.verdict in NOT_RUN and row.metric == "run"):
+            unit = "" if row.unit == "1" else f" {row.unit}"
+            name = f"{row.metric} {row.subject}".strip()
+            figure = row.scenario + (f" {name} {number(row.value)}{unit}" if row.metric != "run" else "")
             figure += f" (limit {row.limit:.2g})" if row.verdict == "fail" else ""
-            found.setdefault((f"{row.verdict}: {row.engine} {row.profile}", reason), []).append(figure)
+            who = f"{row.verdict}: {row.engine} {row.profile}"
+            found.setdefault((who, BODY.sub("", row.reason)), []).append(figure)
     order = (*reversed(NOT_MET), UNJUDGED, *NOT_RUN)
     lines = [f"{who}: {reason}: {', '.join(figures)}" for (who, reason), figures in found.items()]
-    return sorted(lines, key=lambda line: order.index(line.partition(":")[0])) + _ratios(rows)
-
-
-def _ratios(rows: list[Row]) -> list[str]:
-    ratios = [row for row in rows if row.metric == RATIO and row.profile == "balanced"]
-    if not ratios:
-        return []
-    least, most = (pick(ratios, key=lambda row: row.value) for pick in (min, max))
-    return [
-        f"ratio.time, one run: the reference takes {number(least.value)} ({least.scenario}) to "
-        f"{number(most.value)} ({most.scenario}) of the fastest engine's mean frame with contact"
-    ]
-
-
-def _figure(row: Row) -> str:
-    unit = "" if row.unit == "1" else f" {row.unit}"
-    return f"{row.metric} {row.subject}".strip() + f" {number(row.value)}{unit}"
+    lines.sort(key=lambda line: order.index(line.partition(":")[0]))
+    if ratios := [row for row in rows if row.metric == RATIO and row.profile == "balanced"]:
+        least, most = (pick(ratios, key=lambda row: row.value) for pick in (min, max))
+        lines.append(
+            f"ratio.time, one run: the reference takes {number(least.value)} ({least.scenario}) to "
+            f"{number(most.value)} ({most.scenario}) of the fastest engine's mean frame with contact"
+        )
+    return lines
 
 
 OVERVIEW_LEGEND = (
@@ -213,13 +182,8 @@ OVERVIEW_LEGEND = (
 )
 
 
-STYLES = {
-    "fail": "bold red",
-    "known": "yellow",
-    "error": "bold red",
-    **dict.fromkeys((UNJUDGED, *NOT_RUN), "dim"),
-    "pass": "",
-}
+STYLES = {"fail": "bold red", "known": "yellow", "error": "bold red", "pass": ""}
+STYLES |= dict.fromkeys((UNJUDGED, *NOT_RUN), "dim")
 SCENES_IN_FULL = 8
 """Largest number of scenes that are shown as whole tables; more are shown as an overview."""
 
@@ -230,29 +194,29 @@ def text_of(cell: TableCell) -> Text:
     return Text(cell.marked, style=style)
 
 
-def report(frame: pd.DataFrame, shown: Collection[Column] = ()) -> list[Part]:
-    """A table per scene with the `shown` columns, its ratios, and every verdict other than pass; an overview
-    if there are more than SCENES_IN_FULL scenes; where the reference loses."""
+def report(frame: pd.DataFrame) -> list[Part]:
+    """A table per scene with its ratios, and every verdict other than pass; an overview if there are more
+    than SCENES_IN_FULL scenes; where the reference loses."""
     if frame.scenario.nunique() > SCENES_IN_FULL:
-        return [*overview(frame, shown), _apart(frame), losses_part(frame)]
+        return [*overview(frame), _apart(frame), losses_part(frame)]
     scenes = (frame[frame.scenario == name] for name in dict.fromkeys(frame.scenario))
-    return [*(part for scene in scenes for part in scene_parts(scene, shown)), losses_part(frame)]
+    return [*(part for scene in scenes for part in scene_parts(scene)), losses_part(frame)]
 
 
-def scene_parts(scene: pd.DataFrame, shown: Collection[Column] = ()) -> list[Part]:
+def scene_parts(scene: pd.DataFrame) -> list[Part]:
     """The table of the scene with the rows `scene`, its ratios, and every verdict other than pass."""
     return [
         Part(lines=headlines(rows_of(scene))),
-        grid_part(scene, scene.scenario.iloc[0], shown),
+        grid_part(scene, scene.scenario.iloc[0]),
         _apart(scene),
         ratio_part(scene),
-        Part(lines=remark_lines(scene, shown), wrap=True),
+        Part(lines=remark_lines(scene), wrap=True),
     ]
 
 
-def grid_part(frame: pd.DataFrame, name: str, shown: Collection[Column] = (), code: bool = False) -> Part:
+def grid_part(frame: pd.DataFrame, name: str, code: bool = False) -> Part:
     """The values of one scene: metrics, as code if wanted, over columns."""
-    cells = grid(frame, name, shown)
+    cells = grid(frame, name)
     rows: list[list[str | Text]] = []
     family = ""
     for metric, subject, unit, row in cells.rows:
@@ -295,44 +259,27 @@ RATIO_NOTE = (
 
 def ratio_part(scene: pd.DataFrame) -> Part:
     """`ratio.time` with its other statistics, one row per pair of columns."""
-    found = {
-        (row.profile, row.subject, row.metric): row
-        for row in rows_of(scene[scene.metric.str.startswith("ratio.")])
-    }
+    ratios = rows_of(scene[scene.metric.str.startswith("ratio.")])
+    found = {(row.profile, row.subject, row.metric): row for row in ratios}
     rows = []
-    for (profile, subject, metric), row in found.items():
-        if metric != "ratio.time":
-            continue
-        others = (found.get((profile, subject, f"{metric}.{name}")) for name in ("all", "median", "p99"))
-        frames = found.get((profile, subject, "ratio.frames"))
-        rows.append(
-            [
-                profile,
-                subject,
-                number(row.value),
-                *("" if other is None else number(other.value) for other in others),
-                f"{frames.value:.0f}" if frames and frames.value else "all",
-                row.reason_code.replace("-", " "),
-                f"{row.verdict} {row.limit:.2g}" if row.verdict else "",
-            ]
-        )
+    for (profile, over, metric), row in found.items():
+        if metric == RATIO:
+            others = (found.get((profile, over, f"{RATIO}.{name}")) for name in ("all", "median", "p99"))
+            cells = [number(row.value), *("" if one is None else number(one.value) for one in others)]
+            frames = found.get((profile, over, "ratio.frames"))
+            cells += [f"{frames.value:.0f}" if frames and frames.value else "all"]
+            limit = f"{row.verdict} {row.limit:.2g}" if row.verdict else ""
+            rows.append([profile, over, *cells, row.reason_code.replace("-", " "), limit])
     return Part(RATIO_TITLE, RATIO_HEADS, rows, [RATIO_NOTE], words=2, empty="none")
 
 
-def remark_lines(scene: pd.DataFrame, shown: Collection[tuple[str, str]] = ()) -> list[str]:
-    """Broken limits, failed and skipped runs, known failings of the `shown` columns (or of all), with
-    reasons."""
+def remark_lines(scene: pd.DataFrame) -> list[str]:
+    """Broken limits, failed and skipped runs, and known failings, with reasons."""
     lines = []
     for row in rows_of(scene[scene.verdict.isin(["fail", "error", "known"])]):
-        if row.verdict == "known" and shown and (row.engine, row.profile) not in shown:
-            continue
         name = f"{row.metric} {row.subject}".strip()
         unit = "" if row.unit == "1" else f" {row.unit}"
-        value = (
-            ""
-            if row.metric == "run"
-            else f" {name} {number(row.value)}{unit}, limit {number(row.limit)}{unit}:"
-        )
+        value = f" {name} {number(row.value)}{unit}, limit {number(row.limit)}{unit}:" * (row.metric != "run")
         script = script_command(row) if row.verdict == "known" else ""
         again = ": " + " | ".join(filter(None, (row.reproduce, script))) if row.reproduce or script else ""
         lines.append(f"{row.verdict}: {row.engine} {row.profile}:{value} {row.reason}{again}")
@@ -372,18 +319,14 @@ def first_screen(frame: pd.DataFrame, folder: Path) -> list[Part]:
     found = {name: entries(mine, columns) for name, mine in scenes.items()}
     some = argument_of(next(iter(scenes), "SCENE"))
     tables = f"a scene's table: touchstone run {some}; all tables: --details"
+    few = len(found) <= SCENES_IN_FULL and len(found) * len(columns) <= LINES
+    draw = _scenes if few else _many if len(columns) <= CROWDED else _worst
     return [
-        _matrix(found, columns),
+        draw(found, columns),
         Part(lines=[Text(verdict_of(frame)[1], style="bold"), *_broken_lines(rows)], wrap=True),
         Part(lines=[*_known_lines(rows, columns), *_absent_lines(rows), *_lost_lines(frame), ""], wrap=True),
         Part(notes=[f"page: {folder / 'report.html'}; {tables}"]),
     ]
-
-
-def _matrix(found: Found, columns: Sequence[Column]) -> Part:
-    if len(found) <= SCENES_IN_FULL and len(found) * len(columns) <= LINES:
-        return _scenes(found, columns)
-    return (_many if len(columns) <= CROWDED else _worst)(found, columns)
 
 
 def _scenes(found: Found, columns: Sequence[Column]) -> Part:
@@ -409,12 +352,7 @@ def _many(found: Found, columns: Sequence[Column]) -> Part:
 
 def _worst(found: Found, columns: Sequence[Column]) -> Part:
     """A line for each column, with its worst scene in each topic."""
-    heads = [
-        "engine",
-        "met\n",
-        *(f"{topic.name}\n{topic.unit}" for topic in TOPICS[:-1]),
-        "time over\nfastest",
-    ]
+    heads = ["engine", "met\n", *(f"{one.name}\n{one.unit}" for one in TOPICS[:-1]), "time over\nfastest"]
     worst = worst_of(found, columns)
     rows: list[list[str | Text]] = []
     for column in columns:

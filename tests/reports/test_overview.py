@@ -38,9 +38,9 @@ class Seen(NamedTuple):
     remarks: list[str]
 
 
-def seen(*rows, shown=()):
+def seen(*rows):
     """The overview of rows: heads of columns, scenes with their outcome and rows, totals, remarks."""
-    figures, totals = overview(table(rows), shown)
+    figures, totals = overview(table(rows))
     scenes: list[Scene] = []
     for line in ([str(cell) for cell in row] for row in figures.rows if row):
         if line[0].startswith(" "):
@@ -163,17 +163,6 @@ def test_ratios_are_told_in_one_line():
         "with contact"
     ]
     assert [scene.outcome[0] for scene in found.scenes] == ["1 of 1"] * 3
-
-
-def test_hidden_columns_are_left_out():
-    """Columns that are not shown are neither counted nor told."""
-    found = seen(
-        row("a", 0, "energy.gain", 0.0, verdict="pass"),
-        row("a", 1, "energy.gain", 1.0, verdict="fail", reason="bad", limit=0.5),
-        shown={("reference", "balanced")},
-    )
-    assert [head[0] for head in found.heads] == ["reference"]
-    assert found.remarks == []
 
 
 def test_many_scenes_are_shown_at_a_glance(shown):
