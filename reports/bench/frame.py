@@ -204,14 +204,9 @@ def rows_of_scene(scenario: Scenario, takes: Mapping[tuple[str, str, str], Take]
             yield replace(base, verdict=take.ended[0], reason=take.ended[1])
         if take.first is None or take.ended is not None:
             continue
-        overlap = next(
-            row
-            for row in measured_of(base, Context(take.first, scenario), (OVERLAP,))
-            if row.metric == OVERLAP
-        )
-        yield overlap
-        column = timed(engine, label, take.first, take.times, overlap)
-        columns[engine, label] = column
+        rows = measured_of(base, Context(take.first, scenario), (OVERLAP,))
+        yield (overlap := next(row for row in rows if row.metric == OVERLAP))
+        column = columns[engine, label] = timed(engine, label, take.first, take.times, overlap)
         yield from _times(base, column, scenario.frame_count)
     yield from ratio_rows(STUDY, scenario, list(columns.values()), one_run=False)
     yield from factor_rows(STUDY, scenario.name, columns)

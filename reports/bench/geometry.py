@@ -44,7 +44,7 @@ from touchstone.reports.views.render import Part
 from touchstone.scenarios.avatar.driven_poses import driven_pieces, moved
 from touchstone.scenarios.avatar.hand import FINGERS, hand_parts
 from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import Body, Box, Hull, Piece, Scenario, Tracker, Vector
+from touchstone.scenarios.scenario import Body, Box, Hull, Piece, Scenario, Tracker, Vector, vector
 
 SMALL = 0.01
 """Ratio of the small hull's size to the large one's [1]: a ball beside a table."""
@@ -108,10 +108,8 @@ def _resting_hand() -> list[Piece]:
     angles = tuple(a for finger in FINGERS for a in (THUMB if finger == "thumb" else FINGER))
     tracker = Tracker("palm", names, (0.0, 1.0), (origin,) * 2, (upright,) * 2, (angles,) * 2)
     table = Body("table", "fixed", "wood", (TABLE,))
-    scenario = Scenario(
-        "hand_slide", "", (), (table, *links), 1.0, TABLE_1, joints=joints, trackers=(tracker,)
-    )
-    parts = driven_pieces(scenario)
+    hand = Scenario("hand_slide", "", (), (table, *links), 1.0, TABLE_1, joints=joints, trackers=(tracker,))
+    parts = driven_pieces(hand)
     height = -SINK - min(float(corners(part)[:, 2].min()) for part in parts)
     return [moved(part, Rotation.identity(), np.array([0.0, 0.0, height])) for part in parts]
 
@@ -160,7 +158,7 @@ def spread_vertices(count: int) -> tuple[Vector, ...]:
     z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
     across = np.sqrt(1 - z * z)
     points = np.column_stack([across * np.cos(turn), across * np.sin(turn), z]) * HALF_AXES
-    return tuple((float(x), float(y), float(z)) for x, y, z in points)
+    return tuple(map(vector, points))
 
 
 HEADS = ("family", "detector", "query", "net", "error", "over it", "95 % interval", "limit")
@@ -175,15 +173,14 @@ def report(frame: pd.DataFrame) -> list[Part]:
     """One row per family and detector for each of the reference's, and the reference's certificates."""
     rows = {(row.scenario, row.engine, row.metric, row.subject): row for row in rows_of(frame)}
     timed = frame[frame.metric == "time.net"]
+    every = dict.fromkeys(timed.engine)
     ratios = frame[frame.metric == "ratio.time"]
     parts, certificates = [], []
     for name in dict.fromkeys(ratios.engine):
         lines: list[list[str | Text]] = []
         for family in dict.fromkeys(timed.scenario):
             lines.append([])
-            detectors = [
-                e for e in dict.fromkeys(timed.engine) if e == name or (family, name, "ratio.time", e) in rows
-            ]
+            detectors = [e for e in every if e == name or (family, name, "ratio.time", e) in rows]
             for k, detector in enumerate(detectors):
                 ratio = rows.get((family, name, "ratio.time", detector))
                 cells = (*_times(rows, family, detector), value_text(ratio), interval_text(ratio))
@@ -241,9 +238,8 @@ def run(
         (folder / "output").mkdir()
         progress("draw pairs", 0)
         truth, stretches = queries(amount)
-        measured = measure(
-            SUBJECTS, truth.pairs, stretches, amount.turns, amount.passes, folder / "output", progress, loader
-        )
+        how = amount.turns, amount.passes, folder / "output", progress, loader
+        measured = measure(SUBJECTS, truth.pairs, stretches, *how)
         rows = [judged(row, ()) for row in rows_of_bench(truth, measured)]
         return kept(rows, folder, {"study": STUDY, **asdict(amount), "detectors": facts_of(measured)})
 

@@ -46,9 +46,8 @@ def read(paths: Iterable[str]) -> list[Row]:
 
 def store(rows: pd.DataFrame, facts: Mapping[str, Any], folder: Path) -> None:
     """Keep the intervals of a run, `DAY-COMMIT.csv`, with its processor."""
-    kept = table(list(_intervals(rows_of(rows)).values())).assign(
-        processor=facts.get("machine", {}).get("processor", "")
-    )
+    processor = facts.get("machine", {}).get("processor", "")
+    kept = table(_intervals(rows_of(rows)).values()).assign(processor=processor)
     folder.mkdir(exist_ok=True)
     name = "-".join(sub("[^0-9a-z-]", "", str(facts.get(key, ""))[:12]) for key in ("day", "commit"))
     path = folder / f"{name}.csv"

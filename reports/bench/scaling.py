@@ -45,8 +45,8 @@ from touchstone.reports.studies.study import (
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import detector_looks, ends, log_axis, save
 from touchstone.reports.views.render import Part
-from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
-from touchstone.scenarios.solids import sphere_inertia
+from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario
+from touchstone.scenarios.solids import ball
 
 BROAD_PHASE, BALLS, VERTICES = "broad phase", "balls at rest", "hull vertices"
 WARM_UP = 5
@@ -106,10 +106,8 @@ def broad_phase(amount: Amount, progress: Progress) -> list[Curve]:
             times[k, frame] = undisturbed(cloud.frame)
         progress(BROAD_PHASE, 1)
     remarks = [f"{2 * cloud.found / len(cloud.pieces):.1f} neighbours each" for cloud in clouds]
-    found = list(times[:, WARM_UP:])
-    return [
-        Curve(BROAD_PHASE, "pieces", "reference", "balanced", sizes=list(sizes), times=found, remarks=remarks)
-    ]
+    found, what = list(times[:, WARM_UP:]), (BROAD_PHASE, "pieces", "reference", "balanced")
+    return [Curve(*what, sizes=list(sizes), times=found, remarks=remarks)]
 
 
 def resting_balls(count: int) -> Scenario:
@@ -119,15 +117,7 @@ def resting_balls(count: int) -> Scenario:
     floor = Body("floor", "fixed", "wood", (Piece("floor", Box((half, half, 0.1)), (0.0, 0.0, -0.1)),))
     places = ((k % across - across / 2, k // across - across / 2) for k in range(count))
     balls = tuple(
-        Body(
-            f"ball_{k}",
-            "simulated",
-            "wood",
-            (Piece("ball", Sphere(RADIUS)),),
-            mass=MASS,
-            inertia=sphere_inertia(MASS, RADIUS),
-            position=(SPACING * x, SPACING * y, RADIUS),
-        )
+        ball(f"ball_{k}", "wood", RADIUS, MASS, (SPACING * x, SPACING * y, RADIUS))
         for k, (x, y) in enumerate(places)
     )
     wood = (PairCoefficients("wood", "wood", 0.3, 0.3),)

@@ -206,11 +206,8 @@ def _judged(engine: Engine, case: Case, settings: Settings, longest: float = 60.
         base = Row(STUDY, name, ENGINE, settings.label, settings.dt, "")
         rows = [judged(row, scenario.tags) for row in measured(base, scenario, recording, METRICS)]
         failures = {row.metric for row in rows if row.verdict in ("fail", "error")}
-        errors = {
-            f"{row.metric} {row.subject}": abs(row.value)
-            for row in rows
-            if row.metric.startswith("truth.") and isfinite(row.value)
-        }
+        truths = [row for row in rows if row.metric.startswith("truth.") and isfinite(row.value)]
+        errors = {f"{row.metric} {row.subject}": abs(row.value) for row in truths}
     return Played(failures=frozenset(f"{name} {what}" for what in failures), errors=errors)
 
 

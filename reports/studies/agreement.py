@@ -75,42 +75,34 @@ class Trajectory:
     position: Array
     orientation: Array
 
+    @property
+    def turned(self) -> Rotation:
+        """All orientations."""
+        return Rotation.from_quat(self.orientation.reshape(-1, 4), scalar_first=True)
+
     def limit(self, coarser: Trajectory, order: float) -> Trajectory:
         """Richardson extrapolation from the trajectory at twice the step and this one."""
         share = 1 / (2**order - 1)
-        shape = self.orientation.shape
-        mine, theirs = (
-            Rotation.from_quat(course.orientation.reshape(-1, 4), scalar_first=True)
-            for course in (self, coarser)
-        )
-        turned = Rotation.from_rotvec(share * (mine * theirs.inv()).as_rotvec()) * mine
-        return Trajectory(
-            self.position + share * (self.position - coarser.position),
-            turned.as_quat(scalar_first=True).reshape(shape),
-        )
+        further = Rotation.from_rotvec(share * (self.turned * coarser.turned.inv()).as_rotvec())
+        turned = (further * self.turned).as_quat(scalar_first=True).reshape(self.orientation.shape)
+        return Trajectory(self.position + share * (self.position - coarser.position), turned)
 
     def apart(self, other: Trajectory, quantity: str) -> float:
         """Largest distance over frames and bodies."""
         if quantity == "position":
             return float(np.linalg.norm(self.position - other.position, axis=-1).max())
-        mine, theirs = (
-            Rotation.from_quat(path.orientation.reshape(-1, 4), scalar_first=True) for path in (self, other)
-        )
-        return float((mine * theirs.inv()).magnitude().max())
+        return float((self.turned * other.turned.inv()).magnitude().max())
 
 
 def trajectory(engine: Engine, task: Task) -> tuple[Trajectory, Trajectory]:
     """Trajectories of the bodies with a truth as an engine plays them, and as they are in closed form."""
     context = Context(task.record(engine), task.scenario)
-    way, motions = _way(context), context.truths.values()
+    motions = context.truths.values()  # lengths are over the longest path; 1 m where nothing moves
+    way = float(max(np.linalg.norm(m.position - m.position[0], axis=1).max() for m in motions)) or 1.0
     turned = context.recording.orientation[:, list(context.truths)]
-    return (
-        Trajectory(context.mass_centers[:, list(context.truths)] / way, turned),
-        Trajectory(
-            np.stack([m.position for m in motions], axis=1) / way,
-            np.stack([m.orientation for m in motions], axis=1),
-        ),
-    )
+    position = np.stack([m.position for m in motions], axis=1)
+    exact = Trajectory(position / way, np.stack([m.orientation for m in motions], axis=1))
+    return Trajectory(context.mass_centers[:, list(context.truths)] / way, turned), exact
 
 
 def tasks(scenarios: Sequence[Scenario], folder: Path = Path()) -> list[Task]:
@@ -141,10 +133,11 @@ def run(scenarios: Sequence[Scenario], out: Path, progress: Progress) -> pd.Data
         found = played(trajectory, asked, folder / "output", progress) if asked else []
         rows: list[Row] = []
         for scenario in scenarios:
-            mine = [(task, one) for task, one in zip(asked, found) if task.scenario is scenario]
-            some = (
-                rows_of_scene(scenario, mine) if scenario.truths else _band_rows(scenario, folder, progress)
-            )
+            if scenario.truths:
+                mine = [(task, one) for task, one in zip(asked, found) if task.scenario is scenario]
+                some = rows_of_scene(scenario, mine)
+            else:
+                some = _band_rows(scenario, folder, progress)
             rows += [judged(row, scenario.tags) for row in some]
         facts = {
             "study": STUDY,
@@ -184,18 +177,15 @@ def _band_rows(scenario: Scenario, folder: Path, progress: Progress) -> list[Row
     swept = SweptRuns(sweep(cells, folder / "cells", progress=progress, jobs=PROCESSES, series=True))
     rows = missing_rows(STUDY, [(engine, own_profile(engine)) for engine in ENGINES], scenario.name)
     truth = swept.truth(scenario, truth_cells(scenario.name, drive=_drive(scenario)))
-    band = truth.band if truth else None
-    if truth is None or band is None:
+    if truth is None or (band := truth.band) is None:
         return rows
     base = Row(STUDY, scenario.name, "all", TRUTH_PROFILE, FINER, "agreement.band", unit="m")
     rows.append(replace(base, value=band.width if band.codes else nan, reason=band.words))
     for engine, change in band.change.items():
-        mine = replace(base, engine=engine, subject="position")
         far = 0.0 if engine in band.codes else band.outliers.get(engine, nan)
-        rows += [
-            replace(mine, metric="agreement.change", value=change),
-            replace(mine, metric="agreement.distance", value=far),
-        ]
+        for name, value in (("change", change), ("distance", far)):
+            mine = replace(base, engine=engine, subject="position")
+            rows.append(replace(mine, metric=f"agreement.{name}", value=value))
     for cell in own_cells(scenario):
         run = swept.run(cell)
         error = errors_of(run, truth).get("position", nan) if run else nan
@@ -231,8 +221,9 @@ def rows_of_scene(
         if one.status != "skipped" or not paths[task.engine]:
             paths.pop(task.engine)
     if truth is not None:
+        still = Trajectory(*(np.broadcast_to(x[:1], x.shape) for x in (truth.position, truth.orientation)))
         for quantity in UNITS:
-            if _changes(truth, quantity):
+            if truth.apart(still, quantity) > ROUNDING:
                 for engine, mine in paths.items():
                     rows += _rows_of_engine(_base(scenario, engine), mine, truth, quantity)
                 rows += _outlier(_base(scenario, "all"), paths, quantity)
@@ -243,21 +234,6 @@ def _base(scenario: Scenario, engine: str) -> Row:
     if engine not in ENGINES:
         return Row(STUDY, scenario.name, engine, "own step", nan, "run")
     return Row(STUDY, scenario.name, engine, own_profile(engine), own_step(engine), "run")
-
-
-def _way(context: Context) -> float:
-    """The longest path of any body in closed form [m]; 1 m where nothing moves."""
-    ways = [np.linalg.norm(m.position - m.position[0], axis=1).max() for m in context.truths.values()]
-    return float(max(ways)) or 1.0
-
-
-def _changes(truth: Trajectory, quantity: str) -> bool:
-    """Whether any truth changes its position, or its orientation."""
-    start = Trajectory(
-        np.broadcast_to(truth.position[:1], truth.position.shape),
-        np.broadcast_to(truth.orientation[:1], truth.orientation.shape),
-    )
-    return truth.apart(start, quantity) > ROUNDING
 
 
 def _rows_of_engine(
@@ -326,9 +302,8 @@ NOTES = (
 def report(frame: pd.DataFrame) -> list[Part]:
     """One block per scene and quantity, and every remark."""
     rows: list[list[str | Text]] = []
-    for (scenario, quantity), part in frame[frame.metric == "agreement.model"].groupby(
-        ["scenario", "subject"], sort=False
-    ):
+    models = frame[frame.metric == "agreement.model"]
+    for (scenario, quantity), part in models.groupby(["scenario", "subject"], sort=False):
         block = frame[(frame.scenario == scenario) & (frame.subject == quantity)]
         if not (block[block.metric == "agreement.error"].value > ROUNDING).any():
             continue
@@ -358,10 +333,9 @@ def _bands(frame: pd.DataFrame) -> Part:
         found = {(row.engine, row.metric): row.value for row in mine}
         for row in mine:
             if row.metric == "agreement.error":
-                far, change = (
-                    found.get((row.engine, f"agreement.{name}"), nan) for name in ("distance", "change")
-                )
-                cells = ("-" if isnan(one) else number(1e3 * one) for one in (row.value, far, change))
+                names = (f"agreement.{name}" for name in ("error", "distance", "change"))
+                values = (found.get((row.engine, name), nan) for name in names)
+                cells = ("-" if isnan(one) else number(1e3 * one) for one in values)
                 rows.append([row.engine, step_text(row.dt), *cells])
     if not bands:
         return Part()

@@ -514,9 +514,8 @@ class Values:
     def __init__(self, frame: pd.DataFrame) -> None:
         rows = rows_of(frame[frame.metric != "run"])
         self.steps = {(r.engine, r.profile): r.dt for r in reversed(rows) if r.metric != "restitution.drop"}
-        self.columns = [
-            key for key in dict.fromkeys((r.engine, r.profile) for r in rows) if key in self.steps
-        ]
+        columns = dict.fromkeys((r.engine, r.profile) for r in rows)
+        self.columns = [key for key in columns if key in self.steps]
         self._rows = {(r.engine, r.profile, r.scenario, r.metric, r.subject): r.value for r in rows}
         subjects = [r.subject for r in rows]
         self.restitutions = asked(subjects, "e")
@@ -547,9 +546,8 @@ class Values:
 
     def share(self, column: tuple[str, str], pair: str, heading: float) -> float:
         """Achieved over requested friction along a heading, mean over the coefficients."""
-        found = [
-            self(column, pair, "friction.bias", subject_of("friction", mu, heading)) for mu in self.frictions
-        ]
+        subjects = [subject_of("friction", mu, heading) for mu in self.frictions]
+        found = [self(column, pair, "friction.bias", subject) for subject in subjects]
         known = [1 + bias for bias in found if not isnan(bias)]
         return float(np.mean(known)) if known else nan
 
@@ -618,13 +616,11 @@ def _drops(frame: pd.DataFrame) -> Part:
     heads = ["", *(f"{step_text(dt)} s" for dt in steps)]
     lines = []
     for engine in dict.fromkeys(row.engine for row in rows):
-        cells = {
-            r.dt: f"{_text(r.value)} ({_text(r.low)} to {_text(r.high)})" for r in rows if r.engine == engine
-        }
+        mine = [r for r in rows if r.engine == engine]
+        cells = {r.dt: f"{_text(r.value)} ({_text(r.low)} to {_text(r.high)})" for r in mine}
         lines.append([engine, *(cells.get(dt, "-") for dt in steps)])
-    return Part(
-        "e = 1 from a fall of half a metre, and its range over where within a step bodies land", heads, lines
-    )
+    title = "e = 1 from a fall of half a metre, and its range over where within a step bodies land"
+    return Part(title, heads, lines)
 
 
 def _name(values: Values, column: tuple[str, str]) -> str:

@@ -213,14 +213,10 @@ def means(rows: Sequence[Row], tags: Mapping[str, Sequence[str]]) -> list[Row]:
     """Geometric means of the plan's time over that with all effects, by engine and group of scenes; the
     interval assumes that scenes are independent."""
     found = []
+    rows = [row for row in rows if (row.metric, row.subject) == ("time.saved", ALL)]
     for engine in dict.fromkeys(row.engine for row in rows):
         for group in GROUPS:
-            mine = [
-                row
-                for row in rows
-                if (row.engine, row.metric, row.subject) == (engine, "time.saved", ALL)
-                and group in tags[row.scenario]
-            ]
+            mine = [row for row in rows if row.engine == engine and group in tags[row.scenario]]
             if not mine:
                 continue
             left = np.log([[1 - row.value, 1 - row.high, 1 - row.low] for row in mine])
@@ -232,10 +228,7 @@ def means(rows: Sequence[Row], tags: Mapping[str, Sequence[str]]) -> list[Row]:
     return found
 
 
-HEADS = (
-    *("scene", "engine", "[µs]", "saved [%]", "95 %", "moved [m]", "outcome"),
-    "plan [ms]",
-)
+HEADS = (*("scene", "engine", "[µs]", "saved [%]", "95 %", "moved [m]", "outcome"), "plan [ms]")
 MEANS = ("scenes", "engine", "left [%]", "95 % interval", "limit", "of")
 NOTES = (
     "saved: of the mean frame with all effects, by the plan; the reference net of the call from Python",

@@ -25,7 +25,7 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.tasks import played
-from touchstone.reports.studies.study import Column, failures, kept, missing_rows, with_interval
+from touchstone.reports.studies.study import Column, extremes, failures, kept, missing_rows, with_interval
 from touchstone.reports.views.pictures import save
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.scenario import GRAVITY, Body, PairCoefficients, Scenario
@@ -203,7 +203,7 @@ def _rolled(p: Values) -> tuple[Derivative, ...]:
 
 POSITION, VELOCITY = "position", "linear_velocity"
 TWO = {"x1'": (POSITION, 0), "x2'": (POSITION, 1), "v1'": (VELOCITY, 0), "v2'": (VELOCITY, 1)}
-DROP = {"h": 0.3, "e": 0.7, "m": 1.0}
+DROP, HEIGHT = {"h": 0.3, "e": 0.7, "m": 1.0}, {"height": (POSITION, 1)}
 MEETING = {"x1": -2 * RADIUS - MEET, "x2": 0.0, "v1": 1.0}
 CASES = {
     "elastic balls": Case({**MEETING, "m1": 1.0, "e": 1.0}, ("x1", 0.0037), _balls, TWO, 0, _elastic),
@@ -211,10 +211,8 @@ CASES = {
     "slide": Case(
         {"v": 2.0, "mu": 0.5, "m": 1.0}, ("v", 0.0181), _slides, {"stop": (POSITION, 1)}, 0, _stops
     ),
-    "bounce": Case(DROP, ("h", 0.0089), _drops(24), {"height": (POSITION, 1)}, 2, _bounced(1, 24)),
-    "bounce three times": Case(
-        DROP, ("h", 0.0031), _drops(60), {"height": (POSITION, 1)}, 2, _bounced(3, 60)
-    ),
+    "bounce": Case(DROP, ("h", 0.0089), _drops(24), HEIGHT, 2, _bounced(1, 24)),
+    "bounce three times": Case(DROP, ("h", 0.0031), _drops(60), HEIGHT, 2, _bounced(3, 60)),
     "roll": Case(
         {"v": 2.0, "mu": 0.3, "m": 1.0}, ("v", 0.0379), _rolls,
         {"x'": (POSITION, 1), "v'": (VELOCITY, 1)}, 0, _rolled,
@@ -239,22 +237,14 @@ def errors(engine: Engine, task: Task) -> Array:
         truths = case.truth(start)
         by_size = []
         for size in SIZES:
-            ends: dict[str, dict[str, float]] = {}
+            slopes: dict[tuple[str, str], float] = {}
             for name in dict.fromkeys(one.parameter for one in truths):
                 step = size * (abs(start[name]) or 1.0)
-                high, low = (
-                    case.end(
-                        record(engine, case.scene({**start, name: start[name] + sign * step}), task.settings)
-                    )
-                    for sign in (1, -1)
-                )
-                ends[name] = {output: (high[output] - low[output]) / (2 * step) for output in high}
-            by_size.append(
-                [
-                    abs(ends[one.parameter][one.output] - one.value) / (one.size or abs(one.value))
-                    for one in truths
-                ]
-            )
+                scenes = [case.scene({**start, name: start[name] + way}) for way in (step, -step)]
+                high, low = (case.end(record(engine, scene, task.settings)) for scene in scenes)
+                slopes |= {(name, output): (high[output] - low[output]) / (2 * step) for output in high}
+            apart = [abs(slopes[one.parameter, one.output] - one.value) for one in truths]
+            by_size.append([e / (one.size or abs(one.value)) for e, one in zip(apart, truths)])
         found.append(by_size)
     return np.transpose(found, (2, 1, 0))
 
@@ -288,8 +278,7 @@ def rows_of_task(task: Task, found: Array | Ended) -> list[Row]:
     case, rows = CASES[task.case], []
     for one, by_size in zip(case.truth(case.start), found):
         for size, several in zip(SIZES, by_size):
-            interval = (float(np.median(several)), float(several.min()), float(several.max()))
-            row = with_interval(base, interval, subject=f"{one.name}, h {size:g}")
+            row = with_interval(base, extremes(several), subject=f"{one.name}, h {size:g}")
             if (task.engine, task.settings.profile, size) == JUDGED:
                 row = replace(row, limit=LIMIT, verdict="pass" if row.high <= LIMIT else "fail")
             rows.append(row)
@@ -337,6 +326,7 @@ def errors_picture(frame: pd.DataFrame, path: Path) -> None:
     powers = alt.Axis(labelExpr="format(datum.value, '.0e')", ticks=False, domain=False, labelAngle=0)
     heads = alt.Header(labelExpr="split(datum.label, ' ')", labelFontSize=8)
     legend = alt.Legend(title="error of the derivative [1]", orient="right", format=".0e", gradientLength=120)
+    names = list(dict.fromkeys(rows.column))
     drawn = (
         alt.Chart(rows)
         .mark_rect(stroke="white")
@@ -344,9 +334,7 @@ def errors_picture(frame: pd.DataFrame, path: Path) -> None:
             x=alt.X("size:O", sort=None, title=None, axis=powers),
             y=alt.Y("name:N", sort=None, title=None, axis=alt.Axis(ticks=False, domain=False, labelLimit=0)),
             color=alt.Color("value:Q", scale=colors, legend=legend),
-            column=alt.Column(
-                "column:N", sort=list(dict.fromkeys(rows.column)), title=None, spacing=4, header=heads
-            ),
+            column=alt.Column("column:N", sort=names, title=None, spacing=4, header=heads),
         )
         .properties(width=alt.Step(22), height=alt.Step(16))
     )

@@ -20,11 +20,12 @@ from touchstone.reports.output_folder import output_folder
 from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row
 from touchstone.reports.runner.cells import Cell
+from touchstone.reports.runner.request import line_of
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.runner.tasks import own_profile, own_step
 from touchstone.reports.studies.study import failures, kept
 from touchstone.reports.studies.tuning import values_of
-from touchstone.reports.studies.work_precision.points import QUANTITIES, SweptRuns, errors_of, reproduce
+from touchstone.reports.studies.work_precision.points import QUANTITIES, SweptRuns, errors_of
 from touchstone.reports.views.render import Part
 from touchstone.scenarios.catalogue import catalogue
 
@@ -77,7 +78,7 @@ def _rows(cell: Cell, swept: SweptRuns, truths: Mapping[str, object]) -> Iterato
         return
     label = Settings(cell.profile, cell.dt, cell.changes).label
     key = (STUDY, cell.scenario, cell.engine, label, cell.dt)
-    run, again = swept.run(cell), reproduce(cell, False)
+    run, again = swept.run(cell), line_of(cell)
     errors = {} if run is None else errors_of(run, truths[cell.scenario])  # type: ignore[arg-type]
     time = nan if run is None else float(run.frames.mean())
     yield Row(*key, TIME, time, "s", reproduce=again)
@@ -92,9 +93,8 @@ Errors = dict[str, dict[tuple[str, str], float]]
 def errors_by_label(frame: pd.DataFrame, engine: str) -> Errors:
     """What the rows of an engine hold; of their columns those of KEPT are read."""
     found: Errors = {}
-    for _, label, scene, metric, value in frame.loc[frame.engine == engine, list(KEPT)].itertuples(
-        index=False
-    ):
+    rows = frame.loc[frame.engine == engine, list(KEPT)]
+    for _, label, scene, metric, value in rows.itertuples(index=False):
         found.setdefault(label, {})[scene, metric.removeprefix("error.")] = value
     return found
 

@@ -147,9 +147,7 @@ def first_contact(curve: Array, first: int, rate: int) -> tuple[float, float]:
 def thirds(work: Array, answer: Array) -> tuple[list[float], list[float]]:
     """Medians of `work` and of `answer` in the thirds of the frames in the order of their work."""
     order = np.argsort(work, kind="stable")
-    low, high = (
-        [float(np.median(part)) for part in np.array_split(values[order], 3)] for values in (work, answer)
-    )
+    low, high = ([float(np.median(part)) for part in np.array_split(x[order], 3)] for x in (work, answer))
     return low, high
 
 
@@ -182,15 +180,10 @@ class Claim:
 
     def holds(self, found: Ruling) -> bool:
         """Whether the value meets its bound, and the second condition holds."""
-        return RELATIONS[self.relation](found.value, found.bound) and found.also
+        return bool(RELATIONS[self.relation](found.value, found.bound)) and found.also
 
 
-RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
-    ">=": operator.ge,
-    "<=": operator.le,
-    ">": operator.gt,
-    "=": operator.eq,
-}
+RELATIONS = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "=": operator.eq}
 CLAIMS: list[Claim] = []
 Rule = Callable[[Scenes], Ruling]
 
@@ -264,9 +257,8 @@ def idle(scenes: Scenes) -> Ruling:
     s = scenes["table_slide"]
     first = s.contacts[0][0] if s.contacts else len(s.time)
     levels, share = halves(s.frame[:first]), first / len(s.time)
-    text = (
-        f"no contact in the first {percent(share)} of the scene; median frame {micro(levels)} in its halves"
-    )
+    text = f"no contact in the first {percent(share)} of the scene; "
+    text += f"median frame {micro(levels)} in its halves"
     return Ruling(share, IDLE, "1", text, "the curve drifts", max(levels) < RISE * min(levels))
 
 
@@ -307,10 +299,8 @@ def ball_spikes(scenes: Scenes) -> Ruling:
     peaks = [float(s.frame[a:b].max()) for a, b in late]
     text = f"{len(late)} impacts of the ball after the slides, {len(hits) - len(late)} before, "
     text += f"in frames of {micro(peaks)}"
-    return Ruling(
-        *(len(late), 2, "1", text, "no spikes, or not at the end"),
-        len(late) == len(hits) and max(peaks, default=0.0) >= RISE * level,
-    )
+    at_the_end = len(late) == len(hits) and max(peaks, default=0.0) >= RISE * level
+    return Ruling(len(late), 2, "1", text, "no spikes, or not at the end", at_the_end)
 
 
 @claim("three spikes", FIG_8, "Three pushes into the wall in the second half give three spikes.",
@@ -369,18 +359,13 @@ def pooled(scenes: Scenes, value: Callable[[Series], Array], counter: str) -> Ar
 def cost(scenes: Scenes) -> Ruling:
     """Seconds of removal correlate with passes and with joints by ranks."""
     spent = pooled(scenes, lambda s: s.stages[REMOVAL], PASSES)
-    passes, joints = (
-        float(spearmanr(work, spent).statistic)
-        for work in (
-            pooled(scenes, lambda s: s.counts[PASSES], PASSES),
-            pooled(scenes, lambda s: s.counts[JOINTS], PASSES),
-        )
-    )
+    counts = [pooled(scenes, lambda s: s.counts[PASSES], PASSES)]
+    counts.append(pooled(scenes, lambda s: s.counts[JOINTS], PASSES))
+    passes, joints = (float(spearmanr(one, spent).statistic) for one in counts)
     order = sorted(PERSONS, key=lambda n: scenes[n].frame.mean())
-    text = (
-        f"rank correlation of removal's seconds with passes {passes:.2f}, with joints {joints:.2f}; passes "
-    )
-    text += "per frame by cost: " + ", ".join(f"{n} {scenes[n].counts[PASSES].mean():.1f}" for n in order)
+    text = f"rank correlation of removal's seconds with passes {passes:.2f}, with joints {joints:.2f}; "
+    means = ", ".join(f"{n} {scenes[n].counts[PASSES].mean():.1f}" for n in order)
+    text += f"passes per frame by cost: {means}"
     return Ruling(min(passes, joints), CORRELATED, "1", text, "no clear correlation")
 
 
@@ -456,9 +441,8 @@ def bottleneck(scenes: Scenes) -> Ruling:
     """Detection is the largest stage of every scene."""
     largest = {n: max((s.share(stage), stage) for stage in s.stages) for n, s in scenes.items()}
     count = sum(stage == COLLISION for _, stage in largest.values())
-    text = "largest stage: " + ", ".join(
-        f"{n} {stage} {percent(share)}" for n, (share, stage) in largest.items()
-    )
+    text = ", ".join(f"{n} {stage} {percent(share)}" for n, (share, stage) in largest.items())
+    text = f"largest stage: {text}"
     return Ruling(count, len(scenes), "1", text, "removal with IK is larger where persons push")
 
 
@@ -505,12 +489,9 @@ def rolls_off(scenes: Scenes) -> Ruling:
     slip = velocity[last, 0] - radius * r.angular_velocity[last, ball, 1]
     path, drop = float(velocity[last, 0].sum()), float(place[0, 2] - place[-1, 2])
     share, single = abs(float(slip.sum()) / path), float(np.abs(slip / velocity[last, 0]).max())
-    text = (
-        f"the ball crosses the edge after {r.time[edge]:.2f} s at {velocity[edge, 0]:.2f} m/s and falls by "
-    )
-    text += (
-        f"{drop:.2f} m; its turn differs from its path by {percent(share)}, in frames by {percent(single)}"
-    )
+    text = f"the ball crosses the edge after {r.time[edge]:.2f} s at {velocity[edge, 0]:.2f} m/s and falls "
+    text += f"by {drop:.2f} m; its turn differs from its path by {percent(share)}, "
+    text += f"in frames by {percent(single)}"
     return Ruling(share, ROLLING, "1", text, "it slides, or does not fall", drop >= FALLEN)
 
 
@@ -545,9 +526,8 @@ def largest_jump(s: Series) -> tuple[float, str]:
     for tracker in s.scenario.trackers:
         links = list(s.scenario.links(tracker))
         wanted, _ = tracked_poses(s.scenario, tracker, s.recording.time)
-        shown, own = (
-            np.linalg.norm(np.diff(p, axis=0), axis=2) for p in (s.recording.position[:, links], wanted)
-        )
+        paths = (s.recording.position[:, links], wanted)
+        shown, own = (np.linalg.norm(np.diff(path, axis=0), axis=2) for path in paths)
         frame, link = np.unravel_index((shown - own).argmax(), shown.shape)
         name = f"{s.scenario.bodies[links[link]].name} at {s.recording.time[frame + 1]:.2f} s"
         best = max(best, (float((shown - own)[frame, link]), name))
@@ -569,7 +549,12 @@ def run(repeats: int, out: Path, progress: Progress, engine: Engine | None = Non
     """Play, judge and store; the folder appears complete or not at all."""
     with output_folder(out) as folder:
         scenes, failures = played(engine or load(ENGINE), repeats, progress)
-        rows = [*failures, *rows_of_scenes(scenes), *rows_of_claims(scenes)]
+        rows = [
+            Row(STUDY, name, *COLUMN, f"{STUDY}.{metric}", value, unit, subject)
+            for name, series in scenes.items()
+            for metric, subject, unit, value in _figures(series)
+        ]
+        rows = [*failures, *rows, *rows_of_claims(scenes)]
         facts = {"study": STUDY, "scenes": list(scenes), "repeats": repeats}
         pictures = {f"paper.{kind}": partial(draw_of, scenes, kind) for kind in ("png", "svg")}
         return kept(rows, folder, facts, pictures)
@@ -597,16 +582,8 @@ def played(engine: Engine, repeats: int, progress: Progress) -> tuple[Scenes, li
     return {series.scenario.name: series for series in found}, list(failures.values())
 
 
-def rows_of_scenes(scenes: Scenes) -> list[Row]:
-    """Times, shares and work of every scene; means of work over the frames that have any."""
-    return [
-        Row(STUDY, name, *COLUMN, f"{STUDY}.{metric}", value, unit, subject)
-        for name, series in scenes.items()
-        for metric, subject, unit, value in _figures(series)
-    ]
-
-
 def _figures(series: Series) -> list[tuple[str, str, str, float]]:
+    """Times, shares and work of a scene; means of work over the frames that have any."""
     frame = series.frame
     found = [
         ("frame", "mean", "s", float(frame.mean())),
@@ -670,10 +647,8 @@ def report(frame: pd.DataFrame) -> list[Part]:
         basis = Text.assemble(row.basis, "\n", (bound if row.reason_code else "", "dim"))
         claims += [[text, row.reason, basis, Text(verdict, style=VERDICT_STYLES.get(verdict, "dim"))], []]
     count = sum(row.reason_code == REPRODUCED for row in judged)
-    heads, told = (
-        ("claim", "measured", "rests on", "verdict"),
-        f"{count} of {len(judged)} claims are reproduced",
-    )
+    heads = ("claim", "measured", "rests on", "verdict")
+    told = f"{count} of {len(judged)} claims are reproduced"
     return [
         Part("paper: cost of a frame on the reference's profile `paper`", HEADS, scenes, NOTES),
         Part("paper: what it claims", heads, claims, [CLAIM_NOTE], [told], words=0, last=4),
@@ -769,8 +744,7 @@ def _shares(scenes: Scenes) -> Any:
     y = alt.Y("scene:N", sort=None, title=None, axis=alt.Axis(ticks=False, domain=False))
     base = alt.Chart(table).encode(x=x, y=y, order="order:Q")
     bars = base.mark_bar(stroke="white").encode(color=by(alt.Color, "stage", dict(zip(names, colors))))
-    texts = base.mark_text().encode(
-        x=x.bandPosition(0.5), text="text:N", color=alt.Color("ink:N", scale=None)
-    )
+    ink = alt.Color("ink:N", scale=None)
+    texts = base.mark_text().encode(x=x.bandPosition(0.5), text="text:N", color=ink)
     title = "Stages per scene, in the order of the mean frame (beside the names)"
     return (bars + texts).properties(title=title, width=600, height=alt.Step(20))

@@ -50,8 +50,7 @@ def _changed(choice: dict[str, str]) -> Callable[[Task], Task | None]:
 
 
 def _reversed(task: Task) -> Task:
-    order = range(len(task.scenario.bodies))[::-1]
-    return replace(task, scenario=permuted(task.scenario, order))
+    return replace(task, scenario=permuted(task.scenario, range(len(task.scenario.bodies))[::-1]))
 
 
 def _other_backend(task: Task) -> Task | None:
@@ -118,10 +117,8 @@ def rows_of_pair(name: str, task: Task, one: Array | Ended, other: Array | Ended
     until = last / task.scenario.frame_rate
     said = "equal to the bit" if np.array_equal(a, b) else "not equal"
     distance = Row(*key, f"{STUDY}.{name}", float(away.max()), "m", reason=said)
-    horizon = Row(
-        *key, f"{STUDY}.{name}.horizon", until, "s", reason="end" if last == len(away) - 1 else "beyond 1 mm"
-    )
-    return [distance, horizon]
+    reason = "end" if last == len(away) - 1 else "beyond 1 mm"
+    return [distance, Row(*key, f"{STUDY}.{name}.horizon", until, "s", reason=reason)]
 
 
 NOTES = (

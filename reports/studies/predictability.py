@@ -28,7 +28,7 @@ from touchstone.reports.progress import Progress
 from touchstone.reports.results import Row, rows_of
 from touchstone.reports.runner.measures import moving
 from touchstone.reports.runner.tasks import Task, own_profile, own_settings, own_step, played
-from touchstone.reports.studies.study import failures, kept, missing_rows, with_interval
+from touchstone.reports.studies.study import extremes, failures, kept, missing_rows, with_interval
 from touchstone.reports.verdict.judge import judged
 from touchstone.reports.views.pictures import (
     DOTS,
@@ -97,16 +97,10 @@ def run(scenarios: Sequence[Scenario], seed: int, out: Path, progress: Progress)
         rows: list[Row] = []
         for scenario in scenarios:
             mine = {key[1:]: one for key, one in found.items() if key[0] == scenario.name}
-            rows += [
-                judged(row, scenario.tags) for row in rows_of_scene(scenario, starts[scenario.name], mine)
-            ]
-        facts = {
-            "study": STUDY,
-            "seed": seed,
-            "sizes": SIZES,
-            "draws": DRAWS,
-            "scenarios": {s.name: {"tags": s.tags, "seed": s.seed} for s in scenarios},
-        }
+            some = rows_of_scene(scenario, starts[scenario.name], mine)
+            rows += [judged(row, scenario.tags) for row in some]
+        facts = {"study": STUDY, "seed": seed, "sizes": SIZES, "draws": DRAWS}
+        facts |= {"scenarios": {s.name: {"tags": s.tags, "seed": s.seed} for s in scenarios}}
         return kept(rows, folder, facts, {"predictability.png": amplifications})
 
 
@@ -198,9 +192,7 @@ def _rows(base: Row, found: Array, truth: Array | None = None) -> list[Row]:
     rows = []
     for k, size in enumerate(SIZES):
         row = replace(base, metric=METRIC, unit="1", subject=f"{size:g} m")
-        rows.append(
-            with_interval(row, (float(np.median(found[k])), float(found[k].min()), float(found[k].max())))
-        )
+        rows.append(with_interval(row, extremes(found[k])))
         if truth is not None:
             error = float(np.abs(found[k] / truth[k] - 1).max())
             rows.append(replace(row, metric=ERROR, value=error))
@@ -226,13 +218,10 @@ def report(frame: pd.DataFrame) -> list[Part]:
         rows.append([str(scenario)])
         for engine, part in scene.groupby("engine", sort=False):
             style = "dim" if engine == CLOSED_FORM else ""
-            rows.append([Text(cell, style=style) for cell in (str(engine), *map(_cell, rows_of(part)))])
+            cells = (f"{number(r.value)} ({number(r.low)} to {number(r.high)})" for r in rows_of(part))
+            rows.append([Text(cell, style=style) for cell in (str(engine), *cells)])
     title = "predictability: amplification of perturbations of the start"
     return [Part(title, ["engine", *(f"{size:g} m" for size in SIZES)], rows, NOTES), failures(frame)]
-
-
-def _cell(row: Row) -> str:
-    return f"{number(row.value)} ({number(row.low)} to {number(row.high)})"
 
 
 ACROSS = 3

@@ -73,7 +73,7 @@ def compare(engine: Engine, task: Task) -> Deviations:
     plain = bare(task.scenario)
     first = record(engine, plain, task.settings)
     points = _points(first, plain)
-    size = _size(points)
+    size = max(ARM, float(np.linalg.norm(points - points[0], axis=-1).max()))  # the largest path of a point
     found: dict[str, float] = {}
     reasons: dict[str, str] = {}
     for name in NAMES:
@@ -191,11 +191,6 @@ def _points(recording: Recording, scenario: Scenario, own: Array = AXES, scale: 
 def _distance(one: Array, two: Array) -> float:
     frames = min(len(one), len(two))
     return float(np.linalg.norm(one[:frames] - two[:frames], axis=-1).max())
-
-
-def _size(points: Array) -> float:
-    """Extent of the motion [m]: the largest path of a point, or ARM where nothing moves."""
-    return max(ARM, float(np.linalg.norm(points - points[0], axis=-1).max()))
 
 
 STUDY = "relations"

@@ -38,9 +38,8 @@ def robots_below(folders: Iterable[Path]) -> dict[str, tuple[Path, str]]:
     several files have one name."""
     found: list[tuple[Path, Path, str]] = []
     for folder in folders:
-        for path in sorted(
-            one for one in folder.rglob("*") if one.suffix.lower() in SUFFIXES and one.is_file()
-        ):
+        files = (one for one in folder.rglob("*") if one.suffix.lower() in SUFFIXES and one.is_file())
+        for path in sorted(files):
             head = path.open("rb").read(MOST_HEAD)
             form = next((form for form, root in ROOTS.items() if re.search(root, head)), "")
             if form:
@@ -89,9 +88,7 @@ def rows_of_robot(
         ("mass", mass, "kg"),
         ("notes", len(found.notes), "1"),
     )
-    rows = [
-        replace(base, metric="robot", subject=name, value=value, unit=unit) for name, value, unit in facts
-    ]
+    rows = [replace(base, metric="robot", subject=s, value=value, unit=unit) for s, value, unit in facts]
     for quantity, value in off.items():
         verdict = "pass" if value <= EQUAL else "fail"
         row = replace(base, metric=f"robot.{quantity}", value=value, unit="1", limit=EQUAL)
@@ -110,10 +107,8 @@ def verdict_line(form: str, off: dict[str, float]) -> str:
     differs: Sequence[str] = [f"{name} by {value:.1e}" for name, value in off.items() if value > EQUAL]
     if differs:
         return f"differs from what {READERS[form]} reads in the file: {', '.join(differs)}"
-    names = ", ".join(off)
-    return (
-        f"checked: {names} as {READERS[form]} reads them in the file, to {max(max(off.values()), 1e-17):.0e}"
-    )
+    error = f"{max(max(off.values()), 1e-17):.0e}"
+    return f"checked: {', '.join(off)} as {READERS[form]} reads them in the file, to {error}"
 
 
 HEADS = ("robot", "result", "deviation", "joints", "mass [kg]", "notes")
@@ -140,14 +135,11 @@ def report(frame: pd.DataFrame) -> list[Part]:
         cells = ["", "", "", ""]
         if result == "equal":
             off = {metric: row for metric, row in rows.items() if row.limit == row.limit}
-            if any(row.verdict == "fail" for row in off.values()):
-                result = "differs"
+            apart = [f"{m.partition('.')[2]} by {r.value:.1e}" for m, r in off.items() if r.verdict == "fail"]
+            result = "differs" if apart else result
             joints, mass, notes = (rows[f"robot{fact}"].value for fact in ("joints", "mass", "notes"))
             largest = max(row.value for row in off.values())
             cells = [f"{largest:.0e}", f"{joints:.0f}", f"{mass:.4g}", f"{notes:.0f}"]
-            apart = [
-                f"{m.removeprefix('robot.')} by {r.value:.1e}" for m, r in off.items() if r.verdict == "fail"
-            ]
             remarks += [f"differs: {name}: {', '.join(apart)}"] if apart else []
         elif result != "no robot":
             remarks.append(f"{result}: {name}: {first.reason}")

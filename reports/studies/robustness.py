@@ -190,11 +190,8 @@ def _figures(base: Row, found: list[Assessment]) -> list[Row]:
     ]
     rows[-1] = replace(rows[-1], reason=f"of {len(found)}")
     for name, parts in SPREADS.items():
-        values = np.array(
-            [value for one in found for value in one.residuals]
-            if name == "residual"
-            else [getattr(one, name) for one in found]
-        )
+        each = (one.residuals if name == "residual" else (getattr(one, name),) for one in found)
+        values = np.array([value for some in each for value in some])
         values = values[np.isfinite(values)]
         for part, percent in parts if len(values) else ():
             value = float(np.percentile(values, percent, method="higher"))
@@ -283,11 +280,8 @@ def report(frame: pd.DataFrame) -> list[Part]:
 
 
 def _column(title: str, part: pd.DataFrame) -> Part:
-    seen = [
-        outcome
-        for outcome, metric in zip(RANDOM_CLASSES, COUNTS)
-        if part[(part.metric == metric) & (part.scenario == ALL)].value.sum() > 0
-    ]
+    known = set(part.metric[(part.scenario == ALL) & (part.value > 0)])
+    seen = [outcome for outcome, metric in zip(RANDOM_CLASSES, COUNTS) if metric in known]
     shown = {head: f"{STUDY}.{name}" for head, name in FIGURES.items()}
     shown = {head: metric for head, metric in shown.items() if (part.metric == metric).any()}
     lines: list[list[str]] = []

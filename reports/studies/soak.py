@@ -18,7 +18,7 @@ from time import monotonic
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import ENGINES, load
 from touchstone.adapters.workers.pool import EngineProcess, Loader, Pool, Slot
-from touchstone.reports.results import write_beside
+from touchstone.reports.results import write_text
 from touchstone.reports.runner.tasks import Task
 from touchstone.reports.studies.robustness import PATIENCE, assess_task, assessment_of
 from touchstone.reports.verdict.outcomes import Assessment
@@ -26,7 +26,7 @@ from touchstone.scenarios.body_joints import WORLD
 from touchstone.scenarios.files.write import scene_toml
 from touchstone.scenarios.plural import plural
 from touchstone.scenarios.random_scenes import random_scene
-from touchstone.scenarios.scenario import TRACKED, Body, BodyJoint, PairCoefficients, Scenario, ScenarioError
+from touchstone.scenarios.scenario import TRACKED, Body, BodyJoint, Scenario, ScenarioError
 
 Fails = Callable[[Scenario], bool]
 MOST_TRIES = 200
@@ -98,12 +98,8 @@ def _simpler(scenario: Scenario) -> Iterator[Callable[[], Scenario]]:
             joints = (*others[0], *own, *others[1])
             yield lambda joints=joints: replace(scenario, body_joints=joints)  # type: ignore[misc]
     for e, mu in ((True, False), (False, True)):
-        pairs = tuple(
-            PairCoefficients(
-                one.material_a, one.material_b, one.restitution if e else 0.0, one.friction if mu else 0.0
-            )
-            for one in scenario.coefficients
-        )
+        known = scenario.coefficients
+        pairs = tuple(replace(c, restitution=e * c.restitution, friction=mu * c.friction) for c in known)
         if pairs != scenario.coefficients:
             yield lambda pairs=pairs: replace(scenario, coefficients=pairs)  # type: ignore[misc]
     if "gravity" in scenario.effects:
@@ -218,5 +214,5 @@ def _written(scenario: Scenario, seed: int, first: Assessment, profile: str, fol
     path = folder / f"{name}.toml"
     command = f"touchstone run {path} --engine {ENGINE} --profile {profile}"
     comment = f"{first.outcome}: {first.reason or 'breaks an invariant'}\nshrunk from seed {seed}\n{command}"
-    write_beside(path, lambda part: part.write_text(scene_toml(named, comment)))
+    write_text(path, scene_toml(named, comment))
     return Failure(seed, first.outcome, first.reason, len(scenario.bodies), path, command)

@@ -33,19 +33,8 @@ class RefusedError(ValueError):
 
 def missing_rows(study: str, columns: Iterable[Column], scenario: str = "all") -> list[Row]:
     """A row per column whose engine is not installed."""
-    return [
-        Row(
-            study,
-            scenario,
-            *column,
-            own_step(*column),
-            "run",
-            verdict=MISSING,
-            reason=missing_reason(column[0]),
-        )
-        for column in columns
-        if not installed(column[0])
-    ]
+    rows = [Row(study, scenario, *column, own_step(*column), "run", verdict=MISSING) for column in columns]
+    return [replace(row, reason=missing_reason(row.engine)) for row in rows if not installed(row.engine)]
 
 
 def with_interval(row: Row, interval: tuple[float, float, float], **fields: Any) -> Row:
@@ -88,7 +77,8 @@ def failures(frame: pd.DataFrame) -> Part:
 
 def extremes(values: ArrayLike) -> tuple[float, float, float]:
     """Median of values, with the least and the largest."""
-    return float(np.median(values)), float(np.min(values)), float(np.max(values))
+    found = np.asarray(values, dtype=float)
+    return float(np.median(found)), float(found.min()), float(found.max())
 
 
 def page_text(command: str, parts: Iterable[Part]) -> str:
@@ -104,11 +94,11 @@ def value_text(row: Row | None, factor: float = 1.0) -> str:
     return "" if row is None else exact_number(row.value * factor)
 
 
-def interval_text(row: Row | None, factor: float = 1.0) -> str:
+def interval_text(row: Row | None) -> str:
     """The interval of a row."""
     if row is None or row.low != row.low:
         return ""
-    return f"{exact_number(row.low * factor)} to {exact_number(row.high * factor)}"
+    return f"{exact_number(row.low)} to {exact_number(row.high)}"
 
 
 def spread_text(row: Row | None, factor: float = 1.0) -> str:
@@ -131,8 +121,6 @@ def remarks(frame: pd.DataFrame, notes: Sequence[str]) -> Part:
     lines = []
     for row in rows_of(frame[frame.verdict.isin(["fail", "error", "known", *NOT_RUN])]):
         name = " ".join(filter(None, (row.scenario, row.metric, row.subject))) if row.metric != "run" else ""
-        value = (
-            f" {exact_number(row.value)}, limit {exact_number(row.limit)}" if row.limit == row.limit else ""
-        )
+        value = f" {exact_number(row.value)}, limit {exact_number(row.limit)}" * (row.limit == row.limit)
         lines.append(f"{row.verdict}: {row.engine}: {name}{value}: {row.reason}".replace(": :", ":"))
     return Part(notes=notes, lines=lines, wrap=True)

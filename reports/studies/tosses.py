@@ -185,9 +185,8 @@ def _archive(path: Path) -> Iterator[tuple[str, str, Array, Array, Array]]:
                 raise ValueError("first: expected increasing rows, from 0 to their number")
     except DAMAGED as error:
         reason = f"{error}".strip("'\"").partition("\n")[0]
-        raise RefusedError(
-            f"{path}: expected the arrays first, toss, position, orientation ({reason})"
-        ) from error
+        expected = "expected the arrays first, toss, position, orientation"
+        raise RefusedError(f"{path}: {expected} ({reason})") from error
     for k, (start, end) in enumerate(pairwise(bounds)):
         time, poses = np.arange(end - start) / RATE, orientation[start:end].astype(float)
         yield f"{path}: toss {number[k]}", f"{number[k]}", time, position[start:end].astype(float), poses
@@ -510,14 +509,13 @@ class Identification:
         if found.fun == inf:
             raise AdapterError("no e and mu of the lattice was played to its end")
         best = float(found.x[0]), exp(float(found.x[1]))
-        fitted = self.motions(engine, best, self.judged)
-        again = self.motions(engine, best, self.judged, drawn=True)
-        selves = [replace(flown, tracked=one) for flown, one in zip(self.judged, fitted)]
-        own = self.errors(self.judged, fitted)
+        tosses = self.judged
+        fitted = self.motions(engine, best, tosses)
+        again = self.motions(engine, best, tosses, drawn=True)
+        selves = [replace(flown, tracked=one) for flown, one in zip(tosses, fitted)]
+        own = self.errors(tosses, fitted)
         near = product((best[0], *NEAR_RESTITUTIONS), [best[1] * factor for factor in NEAR_FRICTIONS])
-        several = [
-            self.errors(self.judged, self.motions(engine, cell, self.judged)) for cell in near if self.floor
-        ]
+        several = [self.errors(tosses, self.motions(engine, cell, tosses)) for cell in near if self.floor]
         floor = [min(each, key=lambda one: one.corners) for each in zip(*several)]
         return Identified(best, float(found.fun), own, self.errors(selves, again), floor)
 
@@ -546,9 +544,8 @@ class Identification:
             lanes = _lanes(len(batch)) - (0.0, 0.0, table.floor)
             for k, flown in enumerate(batch):
                 turned = Rotation.from_quat(played.orientation[:, 1 + k], scalar_first=True)
-                found.append(
-                    _at(flown.tracked.time, played.time, played.position[:, 1 + k] - lanes[k], turned)
-                )
+                place = played.position[:, 1 + k] - lanes[k]
+                found.append(_at(flown.tracked.time, played.time, place, turned))
         return found
 
 
@@ -767,9 +764,9 @@ def rows_of_task(task: Identification, found: Identified | Ended) -> list[Row]:
     rows = [replace(base, metric=f"{TOSSES}.{name}", value=value, unit="1") for name, value in numbers]
     rows += error_rows(base, found.errors, width)
     rows += error_rows(replace(base, profile=base.profile + OWN), found.drawn, width)
-    return rows + (
-        error_rows(replace(base, engine=FLOOR, profile=""), found.floor, width) if found.floor else []
-    )
+    if found.floor:
+        rows += error_rows(replace(base, engine=FLOOR, profile=""), found.floor, width)
+    return rows
 
 
 def error_rows(base: Row, several: Sequence[Errors], width: float) -> list[Row]:
@@ -783,19 +780,14 @@ def error_rows(base: Row, several: Sequence[Errors], width: float) -> list[Row]:
     ):
         over = [np.interp(grid, one.time, value, left=nan) / size for one, value in zip(several, values)]
         row = replace(base, metric=metric, unit=unit)
-        rows += [
-            with_interval(replace(row, subject=f"{t:.2f} s"), _quartiles(column))
-            for t, column in zip(grid, np.transpose(over))
-        ]
+        for t, column in zip(grid, np.transpose(over)):
+            rows.append(with_interval(replace(row, subject=f"{t:.2f} s"), _quartiles(column)))
         rest = replace(row, metric=f"{metric}.rest")
         rows.append(with_interval(rest, _quartiles([value[-1] / size for value in values])))
-    rows.append(
-        with_interval(replace(base, metric=IMPACT, unit="s"), _quartiles([one.delay for one in several]))
-    )
-    for metric, value in (
-        (FACE, np.mean([one.same_face for one in several])),
-        (CORNERS, np.mean([one.corners for one in several]) / width),
-    ):
+    delays = [one.delay for one in several]
+    rows.append(with_interval(replace(base, metric=IMPACT, unit="s"), _quartiles(delays)))
+    face, corners = (np.mean([getattr(e, name) for e in several]) for name in ("same_face", "corners"))
+    for metric, value in ((FACE, face), (CORNERS, corners / width)):
         rows.append(replace(base, metric=metric, unit="1", value=float(value)))
     return rows
 
@@ -819,11 +811,7 @@ def report(frame: pd.DataFrame) -> list[Part]:
     """A line per engine, the floor and the noise."""
     rows = []
     values = {(row.engine, row.profile, row.metric, row.subject): row.value for row in rows_of(frame)}
-    columns = dict.fromkeys(
-        (engine, profile) for engine, profile, _, _ in values if not profile.endswith(OWN)
-    )
-
-    for column in columns:
+    for column in dict.fromkeys(key[:2] for key in values if not key[1].endswith(OWN)):
         at = f"{SHOWN:.2f} s" if column[0] != TRACKING else ""
         drawn = (column[0], column[1] + OWN)
         wanted = (

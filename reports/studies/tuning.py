@@ -22,6 +22,7 @@ from touchstone.adapters.scripts.process import settings_lines
 from touchstone.reports.progress import Progress
 from touchstone.reports.runner.cells import CATALOGUE, FILE, PERTURBED, PERTURBED_FILE, Cell
 from touchstone.reports.runner.measures import closed_path
+from touchstone.reports.runner.request import line_of
 from touchstone.reports.runner.sweep import Executor, InTurns, sweep
 from touchstone.reports.studies.study import RefusedError
 from touchstone.reports.studies.work_precision.points import (
@@ -30,7 +31,6 @@ from touchstone.reports.studies.work_precision.points import (
     TrueMotion,
     band,
     errors_of,
-    reproduce,
     timing_cell,
     truth_cells,
 )
@@ -68,9 +68,8 @@ class Space:
     def __init__(self, engine: str, scenarios: Sequence[Scenario]) -> None:
         self.engine, self._table = engine, settings_of(engine)
         self._profiles = ENGINES[engine].profiles
-        self.steps = [
-            1 / (60 * k) for k in LADDER if all(_divides(scenario, 1 / (60 * k)) for scenario in scenarios)
-        ]
+        rungs = (1 / (60 * k) for k in LADDER)
+        self.steps = [dt for dt in rungs if all(_divides(scenario, dt) for scenario in scenarios)]
         self._texts = [text for one in self._table.values() for text in values_of(one)]
 
     def profiles(self) -> list[Settings]:
@@ -108,9 +107,7 @@ class Space:
             kind = int(rng.integers(4))
             found: Settings | None = None
             if kind == 0 and self.steps:
-                found = Settings(
-                    candidate.profile, self.steps[int(rng.integers(len(self.steps)))], candidate.changes
-                )
+                found = replace(candidate, dt=self.steps[int(rng.integers(len(self.steps)))])
             elif kind == 1 and known:
                 found = self._joined(candidate, known[int(rng.integers(len(known)))])
             elif kind == 2 and candidate.changes:
@@ -264,17 +261,14 @@ class Search:
         answer = cheapest(sorted((timed[one] for one in finalists), key=lambda s: s.time), asked.limits)
         assert answer is not None
         best = answer.best
-        key = best.profile, best.settings, best.dt
-        candidate = next(
-            one for one in finalists if (timed[one].profile, timed[one].settings, timed[one].dt) == key
-        )
+        keys = {one: (timed[one].profile, timed[one].settings, timed[one].dt) for one in finalists}
+        candidate = next(one for one in finalists if keys[one] == (best.profile, best.settings, best.dt))
         changed = self.ablations(candidate)
         self._play(list(changed.values()), scenes)
         without = self._timed(list(dict.fromkeys(changed.values())))
         profiles = sorted((rated(timed[one], asked.limits) for one in first), key=lambda s: s.excess)
-        ablation = {
-            text: rated(without[one], asked.limits) for text, one in changed.items() if one in without
-        }
+        left = {text: without[one] for text, one in changed.items() if one in without}
+        ablation = {text: rated(one, asked.limits) for text, one in left.items()}
         return Found(answer.met, answer.best, candidate, ablation, profiles, tried)
 
     @property
@@ -331,10 +325,8 @@ class Search:
         return max(1.0, setting.excess), setting.time
 
     def _cell(self, candidate: Settings, name: str) -> Cell:
-        source, _ = sources_of(name)
-        return Cell(
-            name, self._asked.engine, candidate.profile, candidate.dt, candidate.changes, source=source
-        )
+        how = candidate.profile, candidate.dt, candidate.changes
+        return Cell(name, self._asked.engine, *how, source=sources_of(name)[0])
 
     def _play(self, candidates: Sequence[Settings], names: Sequence[str]) -> None:
         keys = [(one, name) for one in candidates for name in names if (one, name) not in self._errors]
@@ -351,17 +343,9 @@ class Search:
                 self._errors[candidate, name] = (errors_of(run, truth), float(run.frames.mean()))
 
     def _swept(self, cells: Sequence[Cell]) -> SweptRuns:
-        asked = self._asked
-        return SweptRuns(
-            sweep(
-                cells,
-                asked.store,
-                jobs=asked.jobs,
-                executor=asked.executor,
-                progress=self._progress,
-                series=True,
-            )
-        )
+        store, jobs, executor = self._asked.store, self._asked.jobs, self._asked.executor
+        rows = sweep(cells, store, jobs=jobs, executor=executor, progress=self._progress, series=True)
+        return SweptRuns(rows)
 
     @cached_property
     def _truths(self) -> dict[str, TrueMotion | None]:
@@ -377,9 +361,8 @@ class Search:
         every = [self._errors[one, name][0] for one in profiles for name in self._asked.scenes]
         has = [name for name in QUANTITIES if any(name in errors for errors in every)]
         if not has:
-            raise RefusedError(
-                f"no profile of {self._asked.engine} plays to the end, or nothing says what is true"
-            )
+            engine = self._asked.engine
+            raise RefusedError(f"no profile of {engine} plays to the end, or nothing says what is true")
         if gone := [name for name in self._asked.limits if name != TIME and name not in has]:
             raise RefusedError(f"no {' and no '.join(gone)} is measured here; there is {', '.join(has)}")
 
@@ -396,7 +379,7 @@ class Search:
         time, low, high = band(times) if times else (max(time for _, time in known),) * 3
         where = self._cell(candidate, next(iter(self._asked.scenes)))
         label = self._asked.engine, candidate.profile, " ".join(candidate.changes), candidate.dt
-        return MeasuredSetting(*label, time, low, high, errors, 0.0, "", reproduce(where, False))
+        return MeasuredSetting(*label, time, low, high, errors, 0.0, "", line_of(where))
 
     def _timed(self, candidates: Sequence[Settings]) -> dict[Settings, MeasuredSetting]:
         """Candidates with the times of their frames, alone on one core, each round with new processes."""
@@ -427,9 +410,8 @@ def cost_lines(asked: Asked) -> list[str]:
     search = Search(asked, lambda label, cells: None)
     truths, plays = len(search.truths), max(asked.plays, len(search.space.profiles()))
     also = f", {plural(truths, 'play')} of the reference for what is true" if truths else ""
-    scenes = (
-        f"{len(asked.scenes)} scenes" if len(asked.scenes) > 1 else next(iter(asked.scenes.values())).name
-    )
+    first, *others = asked.scenes.values()
+    scenes = f"{len(asked.scenes)} scenes" if others else first.name
     return [
         f"tune {scenes} on {asked.engine}: {plays} settings of {seconds:g} simulated seconds{also}; "
         f"Ctrl-C keeps what was played in {asked.store}"

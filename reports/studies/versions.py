@@ -175,12 +175,8 @@ def _differences(
             continue
         ours, theirs = times[version, scenario, label], times[first, scenario, label]
         count = min(map(len, (*ours, *theirs)))
-        ratio = restart_ratio(
-            np.array([each[:count] for each in ours]),
-            np.array([each[:count] for each in theirs]),
-            mean,
-            np.arange(count),
-        )
+        mine, others = (np.array([each[:count] for each in some]) for some in (ours, theirs))
+        ratio = restart_ratio(mine, others, mean, np.arange(count))
         same = state_hash(one[key]) == state_hash(two[key])
         compared.append(Difference(scenario, label, version, distance(one[key], two[key]), same, ratio))
     return compared
@@ -209,11 +205,8 @@ def _write(found: Compared, request: Request, folder: Path) -> None:
         save_manifest(folder / version, {"command": request.command, "version": version, **manifest})
     save(found.frame, folder)
     found.figures.to_csv(folder / "changes.csv", index=False)
-    save_manifest(
-        folder,
-        {"command": request.command, "engine": found.engine, "versions": list(found.results)}
-        | {"faults": found.faults},
-    )
+    facts = {"command": request.command, "engine": found.engine, "versions": list(found.results)}
+    save_manifest(folder, facts | {"faults": found.faults})
 
 
 SLOWER = 1.05
@@ -252,9 +245,7 @@ def sentences(found: Compared) -> Iterator[str]:
         ratios = [one.time.value for one in mine if one.time is not None]
         if ratios:
             changed = {word: [one.scenario for one in mine if speed(one) == word] for word in SPEEDS}
-            words = [
-                f"{word} in {', '.join(dict.fromkeys(names))}" for word, names in changed.items() if names
-            ]
+            words = [f"{word} in {', '.join(dict.fromkeys(at))}" for word, at in changed.items() if at]
             middle = float(np.exp(np.mean(np.log(ratios))))
             remarks = "; ".join(words) or "no scene is clearly beyond 5 %"
             yield f"{version}: speed: frames take {middle:.2f} times as long as in {first}; {remarks}"
@@ -292,11 +283,8 @@ def report(found: Compared) -> list[Part]:
 
 
 def _line(found: Compared, one: Difference) -> list[Text | str]:
-    mine = found.figures[
-        (found.figures.version == one.version)
-        & (found.figures.scenario == one.scenario)
-        & (found.figures.profile == one.profile)
-    ]
+    places = found.figures[["version", "scenario", "profile"]]
+    mine = found.figures[(places == [one.version, one.scenario, one.profile]).all(axis=1)]
     counts = [int((mine.kind == kind).sum()) for kind in KINDS]
     motion = "=" if one.same else "ended" if np.isnan(one.motion) else number(one.motion * 1e3)
     line = [one.version, motion, *(str(count) if count else "" for count in counts)]

@@ -40,7 +40,7 @@ from touchstone.reports.views.render import Part
 from touchstone.reports.views.tables import exact_number
 from touchstone.scenarios.extents import extents
 from touchstone.scenarios.files.pair_file import GivenPair
-from touchstone.scenarios.scenario import Box, HalfSpace, Hull, Piece, Shape
+from touchstone.scenarios.scenario import Box, HalfSpace, Hull, Piece, Shape, vector
 from touchstone.scenarios.solids import elliptic_hull
 
 ELLIPTIC, FINE_HULLS, RANDOM = 12, 4, 16
@@ -83,12 +83,11 @@ class Shapes:
 
 
 def _axes(rng: np.random.Generator) -> tuple[float, float, float]:
-    x, y, z = np.exp(rng.normal(size=3) * 0.4) * 0.5
-    return float(x), float(y), float(z)
+    return vector(np.exp(rng.normal(size=3) * 0.4) * 0.5)
 
 
 def _vertices(points: Array) -> tuple[tuple[float, float, float], ...]:
-    return tuple((float(x), float(y), float(z)) for x, y, z in points)
+    return tuple(map(vector, points))
 
 
 def _subdivided(points: Array) -> Array:
@@ -100,18 +99,12 @@ def _subdivided(points: Array) -> Array:
 
 
 def _posed(shape: Shape, position: Sequence[float] | Array, turn: Rotation) -> Piece:
-    x, y, z = map(float, position)
     qw, qx, qy, qz = turn.as_quat(scalar_first=True).tolist()
-    return Piece("piece", shape, (x, y, z), (qw, qx, qy, qz))
+    return Piece("piece", shape, vector(position), (qw, qx, qy, qz))
 
 
 def _turn(rng: np.random.Generator) -> Rotation:
     return Rotation.from_quat(rng.normal(size=4))
-
-
-def _moved(piece: Piece, shift: Array) -> Piece:
-    x, y, z = (np.array(piece.position) + shift).tolist()
-    return replace(piece, position=(x, y, z))
 
 
 def _parted(pair: Pair, gap: Callable[[float], float]) -> Pair:
@@ -119,7 +112,8 @@ def _parted(pair: Pair, gap: Callable[[float], float]) -> Pair:
     distance gap(d) [m]."""
     a, b = pair
     distance, normal = signed_distance(corners(a), corners(b))
-    return (a, _moved(b, (gap(-distance) - distance) * normal)) if distance < 0 else pair
+    place = np.array(b.position) + (gap(-distance) - distance) * normal
+    return (a, replace(b, position=vector(place))) if distance < 0 else pair
 
 
 def _overlapping(rng: np.random.Generator, shapes: Shapes) -> Pair:
@@ -138,8 +132,7 @@ def parted_pair(rng: np.random.Generator, one: Shape, two: Shape, gap: Callable[
 
 def elliptic(rng: np.random.Generator, scale: float = 1.0) -> Hull:
     """An elliptic hull of 80 triangles, about 1 m in size times `scale`."""
-    x, y, z = (scale * axis for axis in _axes(rng))
-    return Hull(elliptic_hull((x, y, z)))
+    return Hull(elliptic_hull(vector(scale * np.array(_axes(rng)))))
 
 
 def random_box(rng: np.random.Generator) -> Box:
@@ -189,7 +182,7 @@ def edge_edge(rng: np.random.Generator, shapes: Shapes) -> Pair:
 def _boxes(rng: np.random.Generator, half_a: Array, half_b: Array, shift: Array) -> Pair:
     """Boxes with common axes, rotated together with probability 3/4."""
     turn = _turn(rng) if rng.random() < 0.75 else Rotation.identity()
-    one, two = (Box((float(x), float(y), float(z))) for x, y, z in (half_a, half_b))
+    one, two = Box(vector(half_a)), Box(vector(half_b))
     return _posed(one, (0.0, 0.0, 0.0), turn), _posed(two, turn.apply(shift), turn)
 
 
@@ -213,8 +206,7 @@ def size_ratio(rng: np.random.Generator, shapes: Shapes) -> Pair:
     simplices = ConvexHull(points).simplices
     weights = rng.random(3) * (rng.permutation(3) < rng.integers(1, 4))
     place = weights / weights.sum() @ points[simplices[rng.integers(len(simplices))]]
-    small = Box((float(half[0]), float(half[1]), float(half[2])))
-    return large, _posed(small, place + rng.uniform(-0.7, 0.7, size=3) * half, _turn(rng))
+    return large, _posed(Box(vector(half)), place + rng.uniform(-0.7, 0.7, size=3) * half, _turn(rng))
 
 
 def coincident(rng: np.random.Generator, shapes: Shapes) -> Pair:
@@ -370,16 +362,13 @@ def _ratios(truth: PairTruth, measured: Mapping[str, Answered], errors: Mapping[
     if REFERENCE not in errors:
         return []
     rows = []
-    ours = measured[REFERENCE]
-    for name in errors:
-        if name == REFERENCE:
-            continue
+    ours, profile = measured[REFERENCE].net(truth.distance), DETECTORS[REFERENCE].profile
+    for name in (one for one in errors if one != REFERENCE):
         net = measured[name].net(truth.distance)
         for family in (ALL, *FAMILIES):
             chosen = (truth.family == family) | (family == ALL)
-            profile = DETECTORS[REFERENCE].profile
-            row = Row(STUDY, family, REFERENCE, profile, float("nan"), "ratio.time", subject=name)
-            rows.append(with_ratio(row, ours.net(truth.distance)[chosen], net[chosen]))
+            row = Row(STUDY, family, REFERENCE, profile, nan, "ratio.time", subject=name)
+            rows.append(with_ratio(row, ours[chosen], net[chosen]))
     return rows
 
 
@@ -612,16 +601,11 @@ def _rows(pairs: Sequence[GivenPair], truth: PairTruth, measured: Mapping[str, A
         if mine.ended is not None:
             rows.append(replace(base, verdict=mine.ended[0], reason=mine.ended[1]))
             continue
-        errors, angles = depth_errors(truth, mine), normal_errors(truth, mine)
+        figures = [(DISTANCE, mine.distance, "m"), (ERROR, depth_errors(truth, mine), "1")]
+        figures += [(NORMAL, normal_errors(truth, mine), "rad"), (TIME, mine.seconds, "s")]
         for k, pair in enumerate(pairs):
             row = replace(base, scenario=pair.name, reason=_remark(truth, mine, k))
-            figures = (
-                (DISTANCE, mine.distance[k], "m"),
-                (ERROR, errors[k], "1"),
-                (NORMAL, angles[k], "rad"),
-                (TIME, mine.seconds[k], "s"),
-            )
-            rows += [replace(row, metric=metric, value=float(x), unit=unit) for metric, x, unit in figures]
+            rows += [replace(row, metric=name, value=float(x[k]), unit=unit) for name, x, unit in figures]
     return rows
 
 

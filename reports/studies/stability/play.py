@@ -23,7 +23,7 @@ from touchstone.reports.results import Row
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.content_hash import hash_of
 from touchstone.reports.runner.measures import Measured, base_row
-from touchstone.reports.runner.request import step_text
+from touchstone.reports.runner.request import line_of
 from touchstone.reports.runner.sweep import sweep
 from touchstone.reports.runner.tasks import own_step
 from touchstone.reports.studies.study import Column
@@ -54,23 +54,12 @@ class Played:
 
 
 def hard_cell(scene: str, engine: str, profile: str, dt: float, budget: float = inf) -> Cell:
-    """Cell of a hard scene, which ends once the engine's steps have taken `budget` seconds."""
-    return Cell(
-        scene,
-        engine,
-        profile,
-        dt,
-        measure=f"{__name__}:outcome",
-        source=f"{__name__}:scene",
-        options=(f"budget={budget!r}", f"judge={_judge(scene)}"),
-    )
-
-
-def line_of(cell: Cell) -> str:
-    """The command that plays a cell's scene."""
-    effects = " --effects all" if cell.effects else ""
-    column = f"--engine {cell.engine} --profile {cell.profile}"
-    return f"touchstone run {cell.scenario} {column} --dt {step_text(cell.dt)}{effects}"
+    """Cell of a hard scene, which ends once the engine's steps have taken `budget` seconds; its hash depends
+    on what decides an outcome beside the run: the judge's sources and the scene's checks."""
+    judge = hashlib.sha256(_sources() + repr(hard_scene(scene)[1]).encode()).hexdigest()[:12]
+    options = (f"budget={budget!r}", f"judge={judge}")
+    measure, source = f"{__name__}:outcome", f"{__name__}:scene"
+    return Cell(scene, engine, profile, dt, measure=measure, source=source, options=options)
 
 
 def file_of(cell: Cell) -> str:
@@ -160,11 +149,6 @@ def recordings_in(variable: str, folder: Path) -> Iterator[None]:
         del os.environ[variable]
         if before is not None:
             os.environ[variable] = before
-
-
-def _judge(name: str) -> str:
-    """Digest of what decides an outcome beside the run: the judge's sources and the scene's checks."""
-    return hashlib.sha256(_sources() + repr(hard_scene(name)[1]).encode()).hexdigest()[:12]
 
 
 @cache

@@ -245,16 +245,10 @@ class Envelope:
     @cached_property
     def shown(self) -> dict[Column, str]:
         """Columns that are shown, with their heads."""
-        return shown_columns(
-            {
-                column: sum(
-                    self.outcome(family, level, column) in SURVIVED
-                    for family in self.scope.families
-                    for level in levels_of(family, self.scope.quick)
-                )
-                for column in self.columns
-            }
-        )
+        quick, families = self.scope.quick, self.scope.families
+        cells = [(family, level) for family in families for level in levels_of(family, quick)]
+        ok = {one: sum(self.outcome(*cell, one) in SURVIVED for cell in cells) for one in self.columns}
+        return shown_columns(ok)
 
     def outcome(self, family: Family, level: float, column: Column, dt: float = 0.0) -> str:
         """Class of a cell at a step, or at the profile's own one; empty if it was not played."""

@@ -27,7 +27,7 @@ from touchstone.reports.runner.measures import (
     last_within,
     moving,
 )
-from touchstone.reports.runner.request import step_text
+from touchstone.reports.runner.request import line_of
 from touchstone.reports.runner.tasks import own_profile
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.scenario import Scenario
@@ -91,25 +91,16 @@ QUANTITIES = {
     one.name: one
     for one in (
         Quantity(
-            "position",
-            "m",
-            1e-3,
-            1e-9,
+            *("position", "m", 1e-3, 1e-9),
             "largest distance of a centre of mass from the truth, up to the horizon",
         ),
         Quantity("overlap", "m", 1e-3, 1e-8, "deepest overlap of two bodies in a displayed frame"),
         Quantity(
-            "energy",
-            "1",
-            1e-2,
-            1e-9,
+            *("energy", "1", 1e-2, 1e-9),
             "energy gained or lost without a cause, over the largest kinetic energy of the true motion",
         ),
         Quantity(
-            "friction",
-            "1",
-            2e-2,
-            1e-6,
+            *("friction", "1", 2e-2, 1e-6),
             "largest relative error of stopping distance, rolling time, sliding force or friction cone",
         ),
         Quantity("events", "s", 1 / 120, 1e-6, "largest error of the time of an expected event"),
@@ -198,12 +189,8 @@ def changes() -> dict[str, str]:
 def ladder_cells(names: Sequence[str]) -> list[Cell]:
     """Cells of the other profiles, and of `balanced` with one change each."""
     whole = grid(names, [(REFERENCE, profile) for profile in WHOLE])
-    single = [
-        cell
-        for change in changes()
-        for cell in grid(names, [(REFERENCE, BASE)], changes=[f"{REFERENCE}.{change}"])
-    ]
-    return [*whole, *single]
+    single = (grid(names, [(REFERENCE, BASE)], changes=[f"{REFERENCE}.{change}"]) for change in changes())
+    return [*whole, *(cell for some in single for cell in some)]
 
 
 SPREAD = 0.05
@@ -236,10 +223,8 @@ class Band:
     def words(self) -> str:
         """One line: who agrees, to what, who is off, who has not converged."""
         off = [f"{name} is {1e3 * far:.3g} mm off" for name, far in self.outliers.items()]
-        open_codes = [name for name in self.change if name not in (*self.codes, *self.outliers)]
-        said = [
-            f"{name} changes by {1e3 * self.change[name]:.3g} mm with half the step" for name in open_codes
-        ]
+        left = {name: far for name, far in self.change.items() if name not in (*self.codes, *self.outliers)}
+        said = [f"{name} changes by {1e3 * far:.3g} mm with half the step" for name, far in left.items()]
         if self.codes:
             head = f"{', '.join(self.codes)} agree to {1e3 * self.width:.3g} mm"
         elif len(self.outliers) > 1:
@@ -413,13 +398,8 @@ def _events(runs: Sequence[CellRun], until: float) -> dict[tuple[str, str], tupl
 
 def _horizon(plain: CellRun | None, perturbed: Iterable[CellRun], last: int) -> int:
     """Last frame before a perturbed run is farther than HORIZON_DISTANCE from the unperturbed one."""
-    found = last
-    for other in perturbed:
-        if plain is None:
-            break
-        apart = np.linalg.norm(plain.path - other.path, axis=-1).max(axis=1)
-        found = min(found, last_within(apart, HORIZON_DISTANCE))
-    return max(found, 1)
+    apart = [np.linalg.norm(plain.path - other.path, axis=-1).max(axis=1) for other in perturbed if plain]
+    return max(1, min([last, *(last_within(one, HORIZON_DISTANCE) for one in apart)]))
 
 
 def _energy_scale(scenario: Scenario, path: Array) -> float:
@@ -486,9 +466,8 @@ def pareto(time: Array, error: Array, floor: float = 0.0) -> Array:
         if not np.isfinite(time[i]) or not np.isfinite(error[i]):
             continue
         # points of equal time and error are all on the front
-        twin = (
-            k > 0 and found[order[k - 1]] and (time[i], error[i]) == (time[order[k - 1]], error[order[k - 1]])
-        )
+        last = order[k - 1]
+        twin = k > 0 and found[last] and (time[i], error[i]) == (time[last], error[last])
         if error[i] < least or twin:
             found[i], least = True, error[i]
     return found
@@ -599,9 +578,9 @@ def points(frame: pd.DataFrame, cells: Sequence[Cell], rounds: int) -> pd.DataFr
         if truth is not None and truth.band is not None and closed_path(catalogue()[scene]) is None:
             bands[scene] = truth.band.words
         runs = {cell: swept.run(cell) for cell in mine}
-        finest = {
-            key: min((c for c in mine if _family(c) == key), key=lambda c: c.dt) for key in map(_family, mine)
-        }
+        finest: dict[tuple[str, str, tuple[str, ...]], Cell] = {}
+        for cell in sorted(mine, key=lambda one: one.dt):
+            finest.setdefault(_family(cell), cell)
         limits = {key: runs[cell] for key, cell in finest.items()}
         for cell in mine:
             base = _base(cell, swept.rows(cell))
@@ -617,10 +596,8 @@ def points(frame: pd.DataFrame, cells: Sequence[Cell], rounds: int) -> pd.DataFr
     table = pd.DataFrame(found, columns=list(COLUMNS))
     table.attrs["bands"] = bands
     measured = table[table.quantity != ""]
-    for name, keys in (
-        ("front", ["scenario", "quantity"]),
-        ("own_front", ["scenario", "quantity", "engine"]),
-    ):
+    place = ["scenario", "quantity"]
+    for name, keys in (("front", place), ("own_front", [*place, "engine"])):
         table[name] = False
         for (_, quantity, *_), part in measured.groupby(keys):
             floor = QUANTITIES[str(quantity)].floor
@@ -667,18 +644,8 @@ def _base(cell: Cell, rows: pd.DataFrame) -> dict[str, object]:
         "verdict": "" if first is None or outcome == "diverged" else first.verdict,
         "outcome": outcome,
         "reason": first.reason if first is not None else "",
-        "reproduce": reproduce(cell, bool(first is not None and "all effects" in first.reason)),
+        "reproduce": line_of(cell, first is not None and "all effects" in first.reason),
     }
-
-
-def reproduce(cell: Cell, all_effects: bool) -> str:
-    """The command that plays a cell again."""
-    changed = "".join(f" --set {change}" for change in cell.changes)
-    effects = " --effects all" if all_effects else ""
-    return (
-        f"touchstone run {cell.scenario} --engine {cell.engine} --profile {cell.profile} "
-        f"--dt {step_text(cell.dt)}{changed}{effects}"
-    )
 
 
 FRONT_COLUMNS = ("scenario", "quantity", "engine", "dominates", "factor", "where", "why")
@@ -702,17 +669,9 @@ def fronts(table: pd.DataFrame) -> pd.DataFrame:
             factors = deficit(ours[["time", "error"]].to_numpy(), finite[["time", "error"]].to_numpy(), floor)
             worst = finite.iloc[int(factors.argmax())]
             factor = float(factors.max())
-            rows.append(
-                {
-                    "scenario": scene,
-                    "quantity": quantity,
-                    "engine": engine,
-                    "dominates": factor <= ALMOST,
-                    "factor": factor,
-                    "where": worst.reproduce.removeprefix("touchstone run "),
-                    "why": "" if factor <= ALMOST else _why(str(scene), str(quantity), ours, worst),
-                }
-            )
+            where = worst.reproduce.removeprefix("touchstone run ")
+            why = "" if factor <= ALMOST else _why(str(scene), str(quantity), ours, worst)
+            rows.append((scene, quantity, engine, factor <= ALMOST, factor, where, why))
     return pd.DataFrame(rows, columns=list(FRONT_COLUMNS))
 
 

@@ -172,16 +172,10 @@ def cheapest(
 def rated(setting: MeasuredSetting, limits: Mapping[str, float]) -> MeasuredSetting:
     """The setting with its largest ratio to a limit."""
     values = {**setting.errors, TIME: setting.time}
-    ratios = {name: _ratio(values[name], limit) for name, limit in limits.items()}
+    over = {name: inf if values[name] else 0.0 for name in limits}  # a limit of 0 is met by 0 only
+    ratios = {name: values[name] / limit if limit else over[name] for name, limit in limits.items()}
     tightest = max(ratios, key=lambda name: ratios[name])
     return replace(setting, excess=ratios[tightest], tightest=tightest)
-
-
-def _ratio(value: float, limit: float) -> float:
-    """Value over limit; a limit of 0 is met by 0 only."""
-    if limit == 0:
-        return 0.0 if value == 0 else inf
-    return value / limit
 
 
 def missing_quantities(table: pd.DataFrame, limits: Mapping[str, float]) -> list[str]:
@@ -191,19 +185,14 @@ def missing_quantities(table: pd.DataFrame, limits: Mapping[str, float]) -> list
 
 def answer_rows(answer: Answer, limits: dict[str, float]) -> list[dict[str, object]]:
     """The settings of the answer, the cheapest first, each with its place."""
-    places: tuple[tuple[str, tuple[MeasuredSetting | None, ...]], ...] = (
-        ("cheapest" if answer.met else "nearest miss", (answer.best,)),
-        ("cannot tell apart", answer.tied),
-        ("runner-up" if answer.met else "next", (answer.runner_up,)),
-        ("next engine", (answer.other_engine,)),
-    )
+    places = [("cheapest" if answer.met else "nearest miss", answer.best)]
+    places += [("cannot tell apart", one) for one in answer.tied]
+    others = (("runner-up" if answer.met else "next", answer.runner_up), ("next engine", answer.other_engine))
+    places += [(place, one) for place, one in others if one is not None]
     found: dict[tuple[object, ...], dict[str, object]] = {}
-    for place, settings in places:
-        for one in settings:
-            if one is None:
-                continue
-            key = (one.engine, one.profile, one.settings, one.dt)
-            found.setdefault(key, setting_row(place, one, limits))
+    for place, one in places:
+        key = (one.engine, one.profile, one.settings, one.dt)
+        found.setdefault(key, setting_row(place, one, limits))
     return list(found.values())
 
 
@@ -407,9 +396,8 @@ def _on_fronts(table: pd.DataFrame) -> Part:
     rows = []
     for engine, part in table[table.own_front.astype(bool)].groupby("engine", sort=False):
         label = (part.profile + " " + part.settings).str.strip()
-        count = (
-            part.assign(label=label).drop_duplicates(["scenario", "quantity", "label"]).label.value_counts()
-        )
+        each = part.assign(label=label).drop_duplicates(["scenario", "quantity", "label"])
+        count = each.label.value_counts()
         total = len(part.drop_duplicates(["scenario", "quantity"]))
         texts = [f"{name} {number}" for name, number in count.head(MOST_OFTEN).items()]
         rows.append([str(engine), str(total), ", ".join(texts)])
@@ -484,12 +472,8 @@ def picture_of(table: pd.DataFrame, quantity: str, kind: str, path: Path) -> Non
 
 def _panel(part: pd.DataFrame, scene: str, quantity: str) -> Any:
     if part.empty:
-        return (
-            alt.Chart(NOTHING, title=scene)
-            .mark_text(color=PALE)
-            .encode(text=alt.value(APART))
-            .properties(**PANEL)
-        )
+        text = alt.Chart(NOTHING, title=scene).mark_text(color=PALE).encode(text=alt.value(APART))
+        return text.properties(**PANEL)
     floor = QUANTITIES[quantity].floor
     part = part.assign(drawn=part.error.clip(lower=floor))
     low, high = part.drawn.min(), part.drawn.max()
