@@ -74,11 +74,9 @@ def challenge(
         Request(scenarios, (before,), folder / "before", command=command),
         Request(scenarios, (own,), folder / "settings", step, command=command, changes=changes),
     )
-    tables = []
+    tables, frames = [], sum(one.frame_count for one in scenarios)
     for request in requests:
-        with options.progress_for(
-            sum(one.frame_count for one in scenarios), quiet, by_scene=True
-        ) as progress:
+        with options.progress_for(frames, quiet, by_scene=True) as progress:
             tables.append(rows_of(run(request, progress).frame))
     counts = [sum(1 for _ in missed(rows)) for rows in tables]
     if not quiet:
@@ -123,7 +121,5 @@ def _lines(before: str, after: str, tables: list[list[Row]]) -> Iterator[str]:
     yield "one run of each: times are no verdict (touchstone bench frame)"
     for word, sign in (("better", -1), ("worse", 1)):
         found = {name: counts[1][name] - counts[0][name] for name in {*counts[0], *counts[1]}}
-        names = sorted(
-            (name for name in found if found[name] * sign > 0), key=lambda name: (-abs(found[name]), name)
-        )
+        names = sorted((n for n in found if found[n] * sign > 0), key=lambda n: (-abs(found[n]), n))
         yield f"{word}: {', '.join(f'{name} {found[name]:+d}' for name in names) or 'nowhere'}"

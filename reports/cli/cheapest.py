@@ -54,14 +54,14 @@ def cheapest(
     from touchstone.scenarios.catalogue import catalogue
 
     scene = catalogue()[options.known("scenario", scenario, catalogue())]
-    limits = limits_of(
-        overlap=overlap,
-        energy=energy,
-        friction=friction,
-        position=position,
-        events=events,
-        budget=frame_budget,
-    )
+    asked = {
+        "overlap": overlap,
+        "energy": energy,
+        "friction": friction,
+        "position": position,
+        "events": events,
+    }
+    limits = limits_of(frame_budget, asked)
     if not limits:
         options.stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%")
     engines = [options.engine_installed(engine)] if engine else list(ENGINES)
@@ -84,15 +84,14 @@ def cheapest(
         raise typer.Exit(options.LIMIT_BROKEN)
 
 
-def limits_of(*, budget: str, **asked: str) -> dict[str, float]:
+def limits_of(budget: str, asked: dict[str, str]) -> dict[str, float]:
     """Limits by quantity [SI]; a wrong one exits with one line."""
     from touchstone.reports.studies.work_precision.points import QUANTITIES
     from touchstone.reports.studies.work_precision.study import TIME, ToleranceError, tolerance
 
     with options.refusing(ToleranceError):
-        limits = {
-            name: tolerance(text, QUANTITIES[name].unit, f"--{name}") for name, text in asked.items() if text
-        }
+        given = {name: text for name, text in asked.items() if text}
+        limits = {name: tolerance(text, QUANTITIES[name].unit, f"--{name}") for name, text in given.items()}
         if budget:
             limits[TIME] = tolerance(budget, "s", "--frame-budget")
     return limits
@@ -137,14 +136,14 @@ def tune(
 
     if not engine:
         options.stop("tune: name the engine whose settings are searched, such as --engine mujoco")
-    limits = limits_of(
-        position=position,
-        friction=friction,
-        overlap=overlap,
-        energy=energy,
-        events=events,
-        budget=frame_budget,
-    )
+    errors = {
+        "position": position,
+        "friction": friction,
+        "overlap": overlap,
+        "energy": energy,
+        "events": events,
+    }
+    limits = limits_of(frame_budget, errors)
     if not limits.keys() - {TIME}:
         options.stop("tune: give a limit on an error, such as --position 1mm --friction 2%")
     chosen = tuned_scenes(scenario, scenes, allow_paths)

@@ -34,7 +34,7 @@ def docs(
         page_of,
         settings_pages,
     )
-    from touchstone.reports.results import write_beside
+    from touchstone.reports.results import write_beside, write_text
     from touchstone.scenarios.catalogue import tagged
 
     if not (out / "index.md").is_file():
@@ -67,7 +67,7 @@ def docs(
     texts |= {f"../settings/{name}": text for name, text in settings_pages(out / "settings").items()}
     texts["../engines.md"] = engines_page(out.resolve().parent)
     for name, text in texts.items():
-        write_beside(folder / name, partial(_write, text))
+        write_text(folder / name, text)
         print(out / name.removeprefix("../") if name.startswith("..") else folder / name)
 
 
@@ -91,7 +91,3 @@ def _keep(run: Path, stored: Path, path: Path) -> None:
     new = table_of(run)[list(KEPT)]
     old = pd.read_csv(stored) if stored.is_file() else new
     pd.concat([old[~old.engine.isin(new.engine)], new]).to_csv(path, index=False, float_format="%.4g")
-
-
-def _write(text: str, path: Path) -> None:
-    path.write_text(text, "utf-8")

@@ -123,9 +123,7 @@ def doctor(
 
     found = [(str(key), str(value), "") for key, value in machine().items()]
     tried = imports()
-    found += [
-        (name, text if status == "done" else f"{status}: {text}", status) for name, status, text in tried
-    ]
+    found += [(name, text if end == "done" else f"{end}: {text}", end) for name, end, text in tried]
     found += environment_rows()
     found += [(name, text, "") for name, text in libraries()]
     if note := announcement():

@@ -106,10 +106,9 @@ def _end_output(error: OSError) -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if error.errno == errno.EPIPE:
         sys.exit(options.CLOSED_OUTPUT)
+    place = error.filename or "standard output"
     with suppress(OSError):  # standard error may be full, too
-        print(
-            f"touchstone: {error.filename or 'standard output'}: {error.strerror or error}", file=sys.stderr
-        )
+        print(f"touchstone: {place}: {error.strerror or error}", file=sys.stderr)
     sys.exit(options.BAD_INPUT)
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import sys
 import webbrowser
-from collections.abc import Hashable, Mapping
 from enum import StrEnum
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -171,17 +170,12 @@ def tolerances(
     if out is not None:
         options.write_file(out, lambda part: part.write_text(toml_of(found, names), "utf-8"))
     if not options.printed(found, output) and not quiet:
-        show_rows([_shown(row) for row in found.to_dict("records")], "table")
+        for name in ("median", "largest", "tolerance"):
+            found[name] = [f"{100 * one:.3g} %" if isfinite(one) else "not judged" for one in found[name]]
+        rows = [{str(key): cell for key, cell in row.items()} for row in found.to_dict("records")]
+        show_rows(rows, "table")
         if out is not None:
             print(out)
-
-
-def _shown(row: Mapping[Hashable, Any]) -> dict[str, object]:
-    texts = {
-        name: f"{100 * row[name]:.3g} %" if isfinite(row[name]) else "not judged"
-        for name in ("median", "largest", "tolerance")
-    }
-    return {"metric": row["metric"], "rows": row["rows"], **texts}
 
 
 MOST = 6
@@ -297,17 +291,13 @@ def versions(
         print(f"touchstone: {line}", file=sys.stderr)
     with options.refusing(OutputError, TooLargeError):
         if len(folders) > 1:
-            with (
-                options.progress_for(frames, quiet, by_scene=True) as progress,
-                output_folder(folder) as part,
-            ):
+            told = options.progress_for(frames, quiet, by_scene=True)
+            with told as progress, output_folder(folder) as part:
                 step = progress if yes else limited(progress, frames)
                 found = compare(request, folders, rounds, part, step)
     if len(folders) < 2:
-        options.stop(
-            f"{len(folders)} of {plural(len(wanted), 'version')} can play; nothing to compare",
-            options.ENGINE_MISSING,
-        )
+        said = f"{len(folders)} of {plural(len(wanted), 'version')} can play; nothing to compare"
+        options.stop(said, options.ENGINE_MISSING)
     if not options.printed(found.frame, output) and not quiet:
         from touchstone.reports.studies.versions import report
 

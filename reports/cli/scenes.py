@@ -74,11 +74,12 @@ def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
     from touchstone.scenarios.files.named import hidden_by_catalogue
     from touchstone.scenarios.plausibility import implausible
 
-    measures = not judge_faults()
+    if measures := not judge_faults():
+        from touchstone.adapters.oracles.overlap import overlaps_at_start
     for scenario in scenarios:
         if file := hidden_by_catalogue(scenario):
             yield f"{file}: {scenario.name!r} alone names another scene, of the catalogue"
-        if measures and (pairs := _overlaps(scenario)):
+        if measures and (pairs := overlaps_at_start(scenario)):
             a, b, depth = pairs[0]
             more = f", and {len(pairs) - 1} other pairs overlap" if len(pairs) > 1 else ""
             names = f"{scenario.bodies[a].name} and {scenario.bodies[b].name}"
@@ -91,12 +92,6 @@ def scene_notes(scenarios: Iterable[Scenario]) -> Iterator[str]:
                 count = len(tracker.times)
                 yield f"{place} holds its last good sample at {tracker.held} of {count} keyframes"
             yield from (f'{place}: {line}; interpolation = "pchip" does not' for line in swings(tracker))
-
-
-def _overlaps(scenario: Scenario) -> list[tuple[int, int, float]]:
-    from touchstone.adapters.oracles.overlap import overlaps_at_start
-
-    return overlaps_at_start(scenario)
 
 
 def limits_for(path: Path | None, scenarios: Iterable[Scenario]) -> tuple[Limit, ...]:
@@ -205,9 +200,8 @@ def _export_recording(path: Path, form: ExportFormat, rows: ExportTable, out: Pa
     if form not in OF_RECORDINGS:
         options.stop(f"--format {form}: is for scenes; of a recording: {valid}")
     if path.suffix != RECORDING:
-        options.stop(
-            f"{path}: --format {form} is for recordings, such as runs/TIME/recordings/NAME{RECORDING}"
-        )
+        such = f"runs/TIME/recordings/NAME{RECORDING}"
+        options.stop(f"{path}: --format {form} is for recordings, such as {such}")
     target = out or (None if form is ExportFormat.csv else Path(f"{path.stem}.{form}"))
     if target is not None:
         options.require_new(target)
@@ -278,9 +272,8 @@ def reproduce(
         said = f"{out or 'the script'}: {needs}; prints the positions of the recording {same}"
         print(said, file=sys.stderr)
     if not found.apart < EQUAL:
-        options.stop(
-            f"{chosen.name}: the script is {found.apart:.2g} m from the recording", options.LIMIT_BROKEN
-        )
+        said = f"{chosen.name}: the script is {found.apart:.2g} m from the recording"
+        options.stop(said, options.LIMIT_BROKEN)
 
 
 EQUAL = 1e-9
@@ -311,10 +304,7 @@ def check_robot(
 
     A line each, with what was measured and the remedy. `--quiet` prints faults only.
     """
-    from touchstone.adapters.registry import installed, missing_reason
-
-    if not installed("mujoco"):
-        options.stop(f"check-robot needs MuJoCo: {missing_reason('mujoco')}", options.ENGINE_MISSING)
+    _require_mujoco("check-robot")
     options.require_judge()
     from touchstone.adapters.robots.checks.check import CHECKS, findings
     from touchstone.adapters.robots.checks.finding import FAULT
@@ -340,6 +330,13 @@ def check_robot(
                 show_rows([{name: getattr(one, name) for name in names} for one in found], output)
     if faults:
         raise typer.Exit(options.LIMIT_BROKEN)
+
+
+def _require_mujoco(command: str) -> None:
+    from touchstone.adapters.registry import installed, missing_reason
+
+    if not installed("mujoco"):
+        options.stop(f"{command} needs MuJoCo: {missing_reason('mujoco')}", options.ENGINE_MISSING)
 
 
 def import_robot(
@@ -370,10 +367,7 @@ def import_robot(
     An independent reader of the file (pinocchio for URDF, MuJoCo for MJCF) confirms mass, centre, inertia,
     axes and limits.
     """
-    from touchstone.adapters.registry import installed, missing_reason
-
-    if not installed("mujoco"):
-        options.stop(f"import needs MuJoCo: {missing_reason('mujoco')}", options.ENGINE_MISSING)
+    _require_mujoco("import")
     if (fixed_base or hold) and not free:
         options.stop("--fixed-base and --hold are options of --free")
     from touchstone.adapters.robots.mechanism import Simulated
@@ -433,9 +427,8 @@ def _import(  # type: ignore[no-untyped-def]
         print(f"note: {line}", file=sys.stderr)
     pieces = sum(len(body.pieces) for body in scenario.bodies)
     mass = sum(body.mass for body in scenario.bodies if body.kind != "fixed")
-    joints = (
-        plural(len(scenario.body_joints), "joint") if simulated else plural(len(scenario.joints), "hinge")
-    )
+    held, word = (scenario.body_joints, "joint") if simulated else (scenario.joints, "hinge")
+    joints = plural(len(held), word)
     coupled = sum(bool(joint.mimics) for joint in scenario.body_joints)
     joints += f", {plural(coupled, 'coupling')}" if coupled else ""
     counts = f"{plural(len(scenario.bodies), 'body')}, {joints}, {plural(pieces, 'piece')}"

@@ -79,22 +79,17 @@ def studied(
             options.ended(frame, asked.report, folder, output, quiet, by_name=bool(own.get("engine")))
 
         out = Annotated[Path | None, typer.Option(help=f"Folder (default: runs/{name}-<time>).")]
-        shared: dict[str, tuple[Any, Any]] = {
-            "out": (out, None),
-            "output": (options.FormatOption, options.Format.table),
-        }
+        table = options.Format.table
+        shared: dict[str, tuple[Any, Any]] = {"out": (out, None), "output": (options.FormatOption, table)}
         shared |= {"yes": (options.YesOption, False), "quiet": (options.QuietOption, False)}
         hints = get_type_hints(asked_for, include_extras=True)
-        parameters = [
-            one.replace(annotation=hints[one.name]) for one in signature(asked_for).parameters.values()
-        ]
+        own = signature(asked_for)
+        parameters = [one.replace(annotation=hints[one.name]) for one in own.parameters.values()]
         parameters += [
             Parameter(option, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
             for option, (annotation, default) in shared.items()
         ]
-        command.__dict__["__signature__"] = signature(asked_for).replace(
-            parameters=parameters, return_annotation=None
-        )
+        command.__dict__["__signature__"] = own.replace(parameters=parameters, return_annotation=None)
         command.__doc__ = asked_for.__doc__
         group.command(name)(command)
         return asked_for
@@ -122,8 +117,7 @@ def narrow_phase(
 
     if not re.fullmatch(r"[+-]?[0-9]+", pairs):
         given = _pairs_of(Path(pairs))
-        run = partial(module.run_given, given)
-        return StudyRequest(len(given) * len(DETECTORS), run, module.report)
+        return StudyRequest(len(given) * len(DETECTORS), partial(module.run_given, given), module.report)
     if (count := int(pairs)) > MOST:
         options.stop(f"--pairs {pairs}: expected at most {MOST}")
     return StudyRequest.of(module, count * len(DETECTORS), count, seed)
@@ -222,10 +216,8 @@ def effects(
     from touchstone.adapters.registry import ENGINES
     from touchstone.reports.studies import effects as module
 
-    chosen, engines = (
-        scenes_named(scenario or ()) or module.scenes(),
-        options.engines_named(engine or ENGINES),
-    )
+    chosen = scenes_named(scenario or ()) or module.scenes()
+    engines = options.engines_named(engine or ENGINES)
     return StudyRequest.of(module, len(chosen) * len(engines), chosen, engines)
 
 
@@ -401,10 +393,9 @@ def tosses(
 ) -> StudyRequest:
     """Play measured tosses of a box from their start: errors over time, identified e and mu, the floor."""
     from touchstone.reports.studies import tosses as module
-    from touchstone.reports.studies.tosses import read
 
     columns = options.columns_for(engine, profile, options.USUAL)
-    box, found = read(folder)
+    box, found = module.read(folder)
     chosen = [found[k * len(found) // min(most, len(found))] for k in range(min(most, len(found)))]
     return StudyRequest.of(module, len(module.tasks(columns)) + 1, columns, box, chosen)
 

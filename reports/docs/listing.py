@@ -121,9 +121,8 @@ def tag_rows() -> list[dict[str, object]]:
     """Tags with the number of their scenes, and what these have in common."""
     from touchstone.scenarios.catalogue import TAGS, tagged
 
-    return [
-        {"tag": tag, "scenes": sum(1 for _ in tagged(tag)), "in common": text} for tag, text in TAGS.items()
-    ]
+    counts = {tag: sum(1 for _ in tagged(tag)) for tag in TAGS}
+    return [{"tag": tag, "scenes": counts[tag], "in common": text} for tag, text in TAGS.items()]
 
 
 def metric_rows() -> list[dict[str, object]]:
@@ -242,10 +241,7 @@ def joint_rows(scenario: Scenario) -> list[dict[str, object]]:
 
     rows: list[dict[str, object]] = []
     for joint in scenario.body_joints:
-        along = joint.type in ALONG_AXIS
-        low, high = (
-            "" if abs(bound) >= UNBOUNDED else f"{bound:.4g}" for bound in (joint.lower, joint.upper)
-        )
+        low, high = (f"{x:.4g}" if abs(x) < UNBOUNDED else "" for x in (joint.lower, joint.upper))
         forces = {
             "k": (joint.stiffness, joint.stiffness),
             "target": (joint.target, joint.stiffness),
@@ -253,23 +249,20 @@ def joint_rows(scenario: Scenario) -> list[dict[str, object]]:
             "rate": (joint.target_rate, joint.damping),
             "at most": (joint.largest_force, joint.largest_force < UNBOUNDED),
         }
-        rows.append(
-            {
-                "joint": joint.name,
-                "type": joint.type,
-                "parent": joint.parent or "(world)",
-                "child": joint.child,
-                "anchor [m]": _numbers(joint.anchor),
-                "axis": _numbers(joint.axis) if along else "",
-                "limits": f"{low} to {high}" if low or high else "",
-                "forces": ", ".join(
-                    f"{name} {value:.4g}" for name, (value, acts) in forces.items() if acts and value
-                ),
-                "coupling": f"{joint.ratio:g} times {joint.mimics}" if joint.mimics else "",
-            }
-        )
-    if not any(joint.mimics for joint in scenario.body_joints):
-        rows = [{name: value for name, value in row.items() if name != "coupling"} for row in rows]
+        shown = (f"{name} {value:.4g}" for name, (value, acts) in forces.items() if acts and value)
+        row: dict[str, object] = {
+            "joint": joint.name,
+            "type": joint.type,
+            "parent": joint.parent or "(world)",
+            "child": joint.child,
+            "anchor [m]": _numbers(joint.anchor),
+            "axis": _numbers(joint.axis) if joint.type in ALONG_AXIS else "",
+            "limits": f"{low} to {high}" if low or high else "",
+            "forces": ", ".join(shown),
+        }
+        if any(one.mimics for one in scenario.body_joints):
+            row["coupling"] = f"{joint.ratio:g} times {joint.mimics}" if joint.mimics else ""
+        rows.append(row)
     return rows
 
 

@@ -28,7 +28,7 @@ from touchstone.adapters.conformance.abilities import ABILITIES
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.entry import DEFAULT, Entry
 from touchstone.adapters.engines.mujoco.still import View, still
-from touchstone.adapters.knobs import Setting, SettingError, split
+from touchstone.adapters.knobs import SettingError, split
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import (
     DEFAULT_ENGINES,
@@ -86,9 +86,7 @@ def list_pages(pictures: Mapping[str, str]) -> dict[str, str]:
         "scenes.md": _scenes(pictures),
         "metrics.md": _page("Metrics", BETTER, table_text(metric_rows(), code=("metric",))),
         "profiles.md": _page("Profiles and steps", table_text(profile_rows(), code=("profile",))),
-        "settings.md": _page(
-            "Settings of the reference", table_text(setting_rows(), code=("setting", "values"))
-        ),
+        "settings.md": _page("Settings of the reference", table_text(setting_rows(), ("setting", "values"))),
     }
 
 
@@ -140,8 +138,10 @@ def settings_pages(folder: Path) -> dict[str, str]:
 
 def _settings_page(engine: str, errors: Errors) -> str:
     table, entry = settings_of(engine), ENGINES[engine]
-    pasted, sources = _pasted(engine), _sources()
-    rows = []
+    pasted, rows = _pasted(engine), []
+    with open(SOURCES, newline="", encoding="utf-8") as file:
+        sources = {(row["engine"], row["setting"]): row for row in csv.DictReader(file)}
+    shown = {profile: table.column(profile) for profile in ("default", "recommended")}
     for name, setting in table.items():
         about = sources.get((engine, name), {})
         text, lines = pasted.get(name, ("", []))
@@ -150,7 +150,7 @@ def _settings_page(engine: str, errors: Errors) -> str:
             {
                 "setting": f"`{name}`",
                 "values": f"`{setting.valid}`",
-                **{profile: _value(setting, profile, engine) for profile in ("default", "recommended")},
+                **{p: f"`{setting.profiles[k]}`".replace("``", "by scene or step") for p, k in shown.items()},
                 "meaning": setting.summary,
                 "source": source and f"[{source}]({MANUALS[engine].format(source)})",
                 "to paste": f"{text}: " * bool(lines) + "<br>".join(f"`{line}`" for line in lines),
@@ -181,11 +181,9 @@ def _effect_parts(engine: str, errors: Errors) -> Iterator[str]:
         f"{scenes}. `fails`: the run does not end, or an expected event does not happen. Measured by "
         f"`touchstone study knobs --engine {engine}`, errors as in [work_precision](../work_precision.md)."
     )
-    effects = effects_of(errors)
-    yield table_text(
-        [{"setting": f"`{text}`", **said} for text, said in effects.items() if any(said.values())]
-    )
-    idle = [f"`{text}`" for text, said in effects.items() if not any(said.values())]
+    effects = {f"`{text}`": said for text, said in effects_of(errors).items()}
+    yield table_text([{"setting": text, **said} for text, said in effects.items() if any(said.values())])
+    idle = [text for text, said in effects.items() if not any(said.values())]
     yield f"Without effect in these scenes: {', '.join(idle) or 'none'}."
     yield "## The best for each tolerance"
     yield "The cheapest of these and of the profiles with positions within a tolerance; times of one play."
@@ -203,11 +201,6 @@ def _effect_parts(engine: str, errors: Errors) -> Iterator[str]:
     )
 
 
-def _value(setting: Setting, profile: str, engine: str) -> str:
-    table = settings_of(engine)
-    return f"`{setting.profiles[table.column(profile)]}`".replace("``", "by scene or step")
-
-
 def _pasted(engine: str) -> dict[str, tuple[str, list[str]]]:
     """Setting -> one of its values, and the lines that set it."""
     scenario, entry = catalogue()[SCENE], ENGINES[engine]
@@ -221,10 +214,8 @@ def _pasted(engine: str) -> dict[str, tuple[str, list[str]]]:
         name, value = split(text)
         new = difference(base[profile], mine) if mine else []
         if new and name not in found:
-            found[name] = (
-                f"`{value}`",
-                [line if len(line) <= SHOWN else f"{line[:SHOWN]}..." for line in new],
-            )
+            shown = [line if len(line) <= SHOWN else f"{line[:SHOWN]}..." for line in new]
+            found[name] = f"`{value}`", shown
     return found
 
 
@@ -246,18 +237,14 @@ def difference(before: list[str], after: list[str]) -> list[str]:
     """Lines of `after` that are not in `before`, with the attributes and arguments that differ."""
     if any(line.startswith("<") for line in after):
         return _elements(before, after)
-    joined = (re.sub(r"\n +", " ", "\n".join(lines)).splitlines() for lines in (before, after))
-    old, new = joined
+    old, new = (re.sub(r"\n +", " ", "\n".join(lines)).splitlines() for lines in (before, after))
     known = {item for line in old for item in _arguments(line)}
     found = []
     for line in new:
-        if line in old:
-            continue
-        head, bracket, _ = line.partition("(")
-        items = [item for item in _arguments(line) if item not in known]
-        found.append(
-            f"{head}({', '.join(items)})" if bracket and "=" in line[len(head) :] and items else line
-        )
+        if line not in old:
+            head = line.partition("(")[0]
+            items = [item for item in _arguments(line) if item not in known]
+            found.append(f"{head}({', '.join(items)})" if "=" in line[len(head) :] and items else line)
     return found
 
 
@@ -274,11 +261,6 @@ def _elements(before: list[str], after: list[str]) -> list[str]:
         if own:
             found.append(f"<{one.tag} {' '.join(own)}/>")
     return found
-
-
-def _sources() -> dict[tuple[str, str], dict[str, str]]:
-    with open(SOURCES, newline="", encoding="utf-8") as file:
-        return {(row["engine"], row["setting"]): row for row in csv.DictReader(file)}
 
 
 MOST, FEWEST = 3, 3
@@ -304,9 +286,7 @@ def engines_page(checkout: Path) -> str:
         {
             "engine": name,
             "version": _version(name, one, pinned),
-            "profiles and steps [s]": ", ".join(
-                f"`{profile}` {step_text(dt)}" for profile, dt in one.profiles.items()
-            ),
+            "profiles and steps [s]": ", ".join(f"`{p}` {step_text(dt)}" for p, dt in one.profiles.items()),
             "the first differs from `default` in": ", ".join(_changed(name, one)) or "-",
             "rounding": one.rounding or "-",
         }

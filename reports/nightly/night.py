@@ -29,7 +29,7 @@ from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.scratch import locked, scratch_folder
 from touchstone.reports.nightly.store import Night, cache_folder, identity, same_night
 from touchstone.reports.progress import SCENE, STUDY, Progress
-from touchstone.reports.results import COLUMNS, Row, rows_of, table, write_beside
+from touchstone.reports.results import COLUMNS, Row, rows_of, table, write_beside, write_text
 from touchstone.reports.run.study import measure_scene
 from touchstone.reports.runner.request import Request, Results, columns_of, step_text
 from touchstone.reports.studies import calibration as calibration
@@ -276,7 +276,7 @@ def _measure_scene(
 def _finish(folder: Path, name: str, rows: pd.DataFrame, facts: Mapping[str, Any]) -> None:
     """Keep what a killed night need not measure again; the facts, written last, mark it as finished."""
     write_beside(folder / f"{name}.parquet", lambda part: rows.to_parquet(part, index=False))
-    write_beside(folder / f"{name}.json", lambda part: part.write_text(json.dumps(facts), "utf-8"))
+    write_text(folder / f"{name}.json", json.dumps(facts))
 
 
 def _finished(
@@ -331,5 +331,5 @@ def _claimed(facts: dict[str, Any]) -> tuple[Path, dict[str, Any], int]:
     folder.mkdir(parents=True)
     lock = os.open(folder, os.O_RDONLY)
     fcntl.flock(lock, fcntl.LOCK_EX)
-    write_beside(folder / "night.json", lambda part: part.write_text(json.dumps(facts), "utf-8"))
+    write_text(folder / "night.json", json.dumps(facts))
     return folder, facts, lock

@@ -32,7 +32,7 @@ from pydantic import AwareDatetime, BaseModel, Field
 
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.machine import machine, origin, package_version
-from touchstone.reports.results import COLUMNS, NUMBERS, write_beside
+from touchstone.reports.results import COLUMNS, NUMBERS, write_beside, write_text
 from touchstone.scenarios.files.safe_paths import fault_line, json_of, json_value, regular
 
 FORMAT = 1
@@ -118,9 +118,8 @@ class Store:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 lock.seek(0)
-                raise StoreError(
-                    f"{self.place}: another night is being measured ({lock.read().strip()})"
-                ) from None
+                reason = f"another night is being measured ({lock.read().strip()})"
+                raise StoreError(f"{self.place}: {reason}") from None
             lock.truncate(0)
             lock.write(f"process {os.getpid()} since {datetime.now():%Y-%m-%d %H:%M:%S}")
             lock.flush()
@@ -135,7 +134,7 @@ class Store:
             raise StoreError(f"{self.place}: holds other files and no {MARK}; name an empty folder")
         else:
             self.folder.mkdir(parents=True, exist_ok=True)
-            write_beside(mark, lambda part: part.write_text(json.dumps({"format": FORMAT}), "utf-8"))
+            write_text(mark, json.dumps({"format": FORMAT}))
         for name in ("runs", "accepted", "set-aside", "pages"):
             (self.folder / name).mkdir(exist_ok=True)
         self._pull()
@@ -145,9 +144,8 @@ class Store:
         try:
             found = json_of(self.folder / MARK)["format"]
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise StoreError(
-                f"{self.place}: {MARK} cannot be read; the store vanished or is damaged"
-            ) from error
+            reason = f"{MARK} cannot be read; the store vanished or is damaged"
+            raise StoreError(f"{self.place}: {reason}") from error
         if found != FORMAT:
             raise StoreError(f"{self.place}: version {found}, this program reads {FORMAT}")
 
@@ -171,14 +169,14 @@ class Store:
         before = self.nights()
         facts = {**facts, "format": FORMAT, "sequence": before[-1].sequence + 1 if before else 1}
         rows = frame[(frame.verdict != "skipped") | (frame.metric == "run")][list(STORED)]
-        schema = pa.Table.from_pandas(rows, preserve_index=False)
-        stamped = schema.replace_schema_metadata(
-            {**(schema.schema.metadata or {}), KEY: json.dumps(facts).encode()}
+        table = pa.Table.from_pandas(rows, preserve_index=False)
+        stamp = {**(table.schema.metadata or {}), KEY: json.dumps(facts).encode()}
+        table, packing = (
+            table.replace_schema_metadata(stamp),
+            {"compression": "zstd", "compression_level": 12},
         )
         path = self.folder / "runs" / f"{facts['sequence']:06d}-{facts['run']}.parquet"
-        write_beside(
-            path, lambda part: pq.write_table(stamped, part, compression="zstd", compression_level=12)
-        )
+        write_beside(path, lambda part: pq.write_table(table, part, **packing))
         self.push(path)
         return Night(path, facts)
 
@@ -197,7 +195,7 @@ class Store:
         record["when"] = datetime.now(UTC).isoformat(timespec="seconds")
         number = max(self._accepted(), default=0) + 1
         path = self.folder / "accepted" / f"{number:06d}.json"
-        write_beside(path, lambda part: part.write_text(json.dumps(record, indent=1), "utf-8"))
+        write_text(path, json.dumps(record, indent=1))
         self.push(path)
 
     def accepted(self) -> Mapping[str, Any] | None:
@@ -295,9 +293,10 @@ HARDWARE = ("processor", "flags", "cores", "system", "memory")
 def identity(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Identity of a night that starts now; all values are JSON."""
     facts = origin()
-    hardware = {**machine(), "flags": _flags(), "memory": _memory()}
-    mine = {name: hardware[name] for name in HARDWARE}
-    started = datetime.now(UTC)
+    memory = f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 2**30:.0f} GiB"
+    hardware = {**machine(), "flags": _flags(), "memory": memory}
+    mine, started = {name: hardware[name] for name in HARDWARE}, datetime.now(UTC)
+    others = {"python": hardware["python"], "kernel": platform.release(), "host": platform.node()}
     packages = {name: entry.distribution or entry.package for name, entry in ENGINES.items()}
     packages |= {name: name for name in LIBRARIES}
     return {
@@ -306,12 +305,7 @@ def identity(settings: Mapping[str, Any]) -> dict[str, Any]:
         "commit": facts["commit"].rstrip("+"),
         "dirty": facts["commit"].endswith("+"),
         "versions": {name: package_version(package, "-") for name, package in packages.items()},
-        "machine": {
-            **mine,
-            "python": hardware["python"],
-            "kernel": platform.release(),
-            "host": platform.node(),
-        },
+        "machine": mine | others,
         "fingerprint": hashlib.sha256(repr(sorted(mine.items())).encode()).hexdigest()[:12],
         "load": os.getloadavg()[0],
         "settings": dict(settings),
@@ -354,7 +348,3 @@ def _flags() -> str:
     except OSError:
         flags = ""
     return hashlib.sha256(" ".join(sorted(flags.split())).encode()).hexdigest()[:12]
-
-
-def _memory() -> str:
-    return f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 2**30:.0f} GiB"

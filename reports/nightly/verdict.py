@@ -35,7 +35,7 @@ from touchstone.reports.nightly.store import Night, Store, identity_changes
 from touchstone.reports.page import charts
 from touchstone.reports.page.html import Change, Content
 from touchstone.reports.page.page import page
-from touchstone.reports.results import COLUMNS, rows_of, write_beside
+from touchstone.reports.results import COLUMNS, rows_of, write_text
 from touchstone.reports.runner.request import REFERENCE, STUDY, reproduce
 from touchstone.reports.views.findings import published_part
 from touchstone.reports.views.matrix import BAD, GOOD, WARN, verdict_of
@@ -112,9 +112,8 @@ def step(values: Array) -> Step | None:
         return None
     first = _first_night(series)
     kept = np.flatnonzero(_usable(np.asarray(values, dtype=float)))
-    return Step(
-        int(kept[first]), float(np.median(series[:first][-WINDOW:])), float(np.median(series[first:]))
-    )
+    before, after = series[:first][-WINDOW:], series[first:]
+    return Step(int(kept[first]), float(np.median(before)), float(np.median(after)))
 
 
 def chance(before: Array, last: Array) -> float:
@@ -360,10 +359,8 @@ def _why(nights: Mapping[int, Night], sequence: int) -> str:
     before = max((number for number in nights if number < sequence), default=None)
     if before is None or sequence not in nights:
         return "the night before is not stored"
-    return (
-        "; ".join(identity_changes(nights[before].identity, nights[sequence].identity))
-        or "nothing that is recorded changed"
-    )
+    changed = identity_changes(nights[before].identity, nights[sequence].identity)
+    return "; ".join(changed) or "nothing that is recorded changed"
 
 
 MOST_LINES = 20
@@ -433,10 +430,9 @@ def history_charts(history: pd.DataFrame, nights: Mapping[int, Night]) -> dict[s
     )
     drawn = {}
     for scene, own in _own_times(found).groupby("scenario"):
-        ours, others = own[own.engine == REFERENCE], own[own.engine != REFERENCE]
-        for name, series in (("reference", ours), ("engines", others)):
-            if series.sequence.nunique() >= charts.LEAST_NIGHTS:
-                drawn[f"{scene}, {name}"] = charts.nights(series, "median frame [µs]")
+        for name, mine in (("reference", own.engine == REFERENCE), ("engines", own.engine != REFERENCE)):
+            if own[mine].sequence.nunique() >= charts.LEAST_NIGHTS:
+                drawn[f"{scene}, {name}"] = charts.nights(own[mine], "median frame [µs]")
     return drawn
 
 
@@ -485,7 +481,7 @@ def write_page(
         history=history[0],
         times=history[1],
     )
-    _write(folder / "report.html", page(content))
+    write_text(folder / "report.html", page(content))
 
 
 def markdown(verdict: str, findings: Sequence[Finding], faults: Sequence[str]) -> str:
@@ -497,7 +493,7 @@ def markdown(verdict: str, findings: Sequence[Finding], faults: Sequence[str]) -
 
 def write_markdown(folder: Path, text: str) -> None:
     """Write `report.md`, and append it to the summary of a GitHub job where there is one."""
-    _write(folder / "report.md", text)
+    write_text(folder / "report.md", text)
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     if summary:
         with open(summary, "a", encoding="utf-8") as file:
@@ -513,9 +509,8 @@ def write_junit(folder: Path, frame: pd.DataFrame, findings: Sequence[Finding]) 
         suite = ElementTree.SubElement(suites, "testsuite", name=scene, tests=str(len(mine)))
         for row in mine:
             name = f"{row.metric} {row.subject}".strip()
-            case = ElementTree.SubElement(
-                suite, "testcase", classname=f"{scene}.{row.engine}.{row.profile}", name=name
-            )
+            where = f"{scene}.{row.engine}.{row.profile}"
+            case = ElementTree.SubElement(suite, "testcase", classname=where, name=name)
             message = f"{row.value:g}, limit {row.limit:g}: {row.reason}"
             if row.verdict in ("fail", "error"):
                 tag = "failure" if row.verdict == "fail" else "error"
@@ -526,13 +521,12 @@ def write_junit(folder: Path, frame: pd.DataFrame, findings: Sequence[Finding]) 
             key = {"failure": "failures", "error": "errors", "skipped": "skipped"}[tag]
             suite.set(key, str(len(suite.findall(f"testcase/{tag}"))))
     regressions = [one for one in findings if one.kind == REGRESSION]
-    suite = ElementTree.SubElement(
-        suites, "testsuite", name="nights", tests=str(len(regressions)), failures=str(len(regressions))
-    )
+    count = str(len(regressions))
+    suite = ElementTree.SubElement(suites, "testsuite", name="nights", tests=count, failures=count)
     for one in regressions:
         case = ElementTree.SubElement(suite, "testcase", classname="nights", name=one.place)
         ElementTree.SubElement(case, "failure", message=one.line)
-    _write(folder / "junit.xml", ElementTree.tostring(suites, encoding="unicode", xml_declaration=True))
+    write_text(folder / "junit.xml", ElementTree.tostring(suites, encoding="unicode", xml_declaration=True))
 
 
 def write_badge(folder: Path, level: str) -> None:
@@ -540,8 +534,4 @@ def write_badge(folder: Path, level: str) -> None:
     looks = {GOOD: ("passing", "brightgreen"), WARN: ("look", "yellow"), BAD: ("regression", "red")}
     word, color = looks[level]
     badge = {"schemaVersion": 1, "label": "contact physics", "message": word, "color": color}
-    _write(folder / "badge.json", json.dumps(badge))
-
-
-def _write(path: Path, text: str) -> None:
-    write_beside(path, lambda part: part.write_text(text, "utf-8"))
+    write_text(folder / "badge.json", json.dumps(badge))

@@ -20,6 +20,7 @@ from touchstone.adapters.recording import ARRAYS, CONTACTS
 from touchstone.reports.changes import NEEDED, NUMBERS, label_of
 from touchstone.reports.results import save
 from touchstone.reports.run import ratios
+from touchstone.reports.verdict import judge
 
 RUN = "run ball_snip --engine reference --profile balanced --quiet --out old"
 
@@ -60,7 +61,7 @@ def test_a_run_is_judged_again(old, tmp_path):
 def test_engines_of_a_stored_run_are_known(monkeypatch):
     """One that plays only when it is named is registered again, with its step; what is gone has no step."""
     monkeypatch.setattr(registry, "ENGINES", engines := dict(registry.ENGINES))
-    monkeypatch.setattr(ratios, "ENGINES", engines)
+    monkeypatch.setattr(judge, "ENGINES", engines)
     engines.pop("rapier", None)
     own = {}
     for name in ("rapier", "gone"):
