@@ -54,14 +54,9 @@ def cheapest(
     from touchstone.scenarios.catalogue import catalogue
 
     scene = catalogue()[options.known("scenario", scenario, catalogue())]
-    asked = {
-        "overlap": overlap,
-        "energy": energy,
-        "friction": friction,
-        "position": position,
-        "events": events,
-    }
-    limits = limits_of(frame_budget, asked)
+    limits = limits_of(
+        frame_budget, overlap=overlap, energy=energy, friction=friction, position=position, events=events
+    )
     if not limits:
         options.stop("cheapest: give a tolerance, such as --overlap 1mm --energy 1%")
     engines = [options.engine_installed(engine)] if engine else list(ENGINES)
@@ -84,8 +79,8 @@ def cheapest(
         raise typer.Exit(options.LIMIT_BROKEN)
 
 
-def limits_of(budget: str, asked: dict[str, str]) -> dict[str, float]:
-    """Limits by quantity [SI]; a wrong one exits with one line."""
+def limits_of(budget: str, **asked: str) -> dict[str, float]:
+    """Limits by quantity [SI], in the order asked; a wrong one exits with one line."""
     from touchstone.reports.studies.work_precision.points import QUANTITIES
     from touchstone.reports.studies.work_precision.study import TIME, ToleranceError, tolerance
 
@@ -136,14 +131,9 @@ def tune(
 
     if not engine:
         options.stop("tune: name the engine whose settings are searched, such as --engine mujoco")
-    errors = {
-        "position": position,
-        "friction": friction,
-        "overlap": overlap,
-        "energy": energy,
-        "events": events,
-    }
-    limits = limits_of(frame_budget, errors)
+    limits = limits_of(
+        frame_budget, position=position, friction=friction, overlap=overlap, energy=energy, events=events
+    )
     if not limits.keys() - {TIME}:
         options.stop("tune: give a limit on an error, such as --position 1mm --friction 2%")
     chosen = tuned_scenes(scenario, scenes, allow_paths)
