@@ -108,7 +108,7 @@ def test_a_study_keeps_its_rows_without_a_picture(tmp_path, monkeypatch, capsys)
     def broken(*_):
         raise RuntimeError("no fonts")
 
-    monkeypatch.setattr(calibration, "report", broken)
+    monkeypatch.setattr(calibration, "page", broken)
     monkeypatch.setattr(calibration, "requested_and_achieved", broken)
     calibration.run((), tmp_path / "out", lambda label, steps: None)
     assert sorted(path.name for path in (tmp_path / "out").iterdir() if path.is_file()) == [
