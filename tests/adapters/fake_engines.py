@@ -1,7 +1,5 @@
 """Engines that misbehave in one way each, for spawned children: `partial(load, folder)` is their loader."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time
@@ -16,7 +14,7 @@ FALLS = 0.01
 """What a body sinks per step [m]."""
 
 
-def load(folder: str, name: str) -> Engine:
+def load(folder: str, name: str) -> "Engine":
     """The engine called `name`; it writes its process and what it does into files of `folder`."""
     Path(folder, f"{name}.pid").write_text(str(os.getpid()))
     if name == "throws on load":

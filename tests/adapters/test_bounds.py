@@ -9,12 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from touchstone.adapters.contract import AdapterError
-from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.motion_bounds import bounds
-from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.scenarios.avatar.avatar import avatar_parts, standing_tracker
-from touchstone.scenarios.avatar.kinematics import link_poses
-from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.plan import plan
 
@@ -23,25 +19,6 @@ def left(positions, scenario) -> list[str]:
     """What is said of frames in which a body is outside its bounds; `positions` (frames, bodies, 3) [m]."""
     made, names = plan(scenario, bounds(scenario)), [body.name for body in scenario.bodies]
     return list(filter(None, (made.broken(position, names) for position in positions)))
-
-
-def test_postures_are_those_of_the_reference() -> None:
-    """Pose links over a tracker as the reference's kinematics do, to rounding."""
-    scene = catalogue()["wall_push"]
-    world, tracker = translate(scene), scene.trackers[0]
-    motion = sample(tracker, np.linspace(0.0, scene.duration, 7))
-    links = list(scene.links(tracker))
-    place, rotation = link_poses(scene, tracker, motion.position, motion.orientation, motion.angle)
-    for k in range(7):
-        world.drivers[0]["position"], world.drivers[0]["orientation"] = (
-            motion.position[k],
-            motion.orientation[k],
-        )
-        world.joints["angle"] = motion.angle[k]
-        pose_links(world.bodies, world.joints, world.drivers[0])
-        # some thirty products of rotations of order one
-        np.testing.assert_allclose(place[:, k], world.bodies["position"][links], atol=1e-13)
-        np.testing.assert_allclose(rotation[:, k], world.bodies["rotation"][links], atol=1e-13)
 
 
 def test_what_printed_laws_may_speed_up_is_not_bounded(lab: SimpleNamespace) -> None:

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from engine_states import last
-from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Settings, State, Unsupported
 from touchstone.adapters.recorder import record
@@ -86,24 +85,6 @@ def advance(world, state, step):
     state.clear_contacts()
     world.read(state)
     return state.contacts[: state.contact_count]
-
-
-def test_inertia_acts_in_the_body_axes():
-    """A tumbling body keeps its centre on a line and obeys Euler's equation in its first step."""
-    omega = np.array([20.0, -30.0, 40.0])
-    body = mover(s.Sphere(0.05), center_of_mass=(0.01, -0.02, 0.03), inertia=TENSOR, orientation=TURNED,
-                 linear_velocity=(1.0, 2.0, 3.0), angular_velocity=tuple(omega))  # fmt: skip
-    world, state = start(scene(body, effects=()))
-    axes = Rotation.from_quat(TURNED, scalar_first=True).as_matrix()
-    center = axes @ body.center_of_mass
-    inertia = axes @ np.array(TENSOR) @ axes.T
-    assert state.position[0] == pytest.approx(np.zeros(3), abs=ROUNDING)
-    advance(world, state, 0)
-    euler = -DT * np.linalg.solve(inertia, np.cross(omega, inertia @ omega))
-    assert state.angular_velocity[0] - omega == pytest.approx(euler, rel=1e-6)  # explicit gyroscopic term
-    turned = Rotation.from_quat(state.orientation[0], scalar_first=True)
-    moved = state.position[0] + turned.apply(body.center_of_mass)
-    assert moved == pytest.approx(center + DT * np.array([1.0, 2.0, 3.0]), abs=ROUNDING)
 
 
 def test_unsupported_scenes_are_named():

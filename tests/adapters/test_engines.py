@@ -34,8 +34,6 @@ MASSES = {
 }
 COEFFICIENTS = {"reference": 0.0, "dart": 1e-12, "bullet": 1e-12, "mujoco": 1e-12}
 """Relative; Bullet's are products of exponentials of solved logarithms."""
-ORIGIN_BASED = {"dart": 1.0, "mujoco": 1.0}
-"""Engines that integrate a free body's origin in place of its centre of mass."""
 
 
 def simulated(name, shape, mass, inertia, position, **fields):
@@ -92,33 +90,6 @@ def test_a_touching_pair(registry, lab, name, shape, box_first):
     # MuJoCo's and Bullet's points on a face need not share the load: some impulse is spent on turning
     assert np.linalg.norm(total - (total @ normal) * normal) <= 0.1 * (total @ normal) + 1e-5
     world.close()
-
-
-@pytest.mark.parametrize("name", ENGINES)
-def test_a_spinning_body_with_its_mass_off_centre(registry, lab, name):
-    """Velocity is the centre of mass's, position the origin's, spin in world axes, quaternions wxyz."""
-    center, velocity, spin = np.array([0.05, -0.02, 0.03]), np.array([1.0, -2.0, 0.5]), 3.0
-    start = Rotation.from_euler("x", 90, degrees=True)  # the world's z is the body's y
-    body = Body(
-        "body", "simulated", "wood", (Piece("box", Box((0.1, 0.1, 0.1))),), 2.0, tuple(center),
-        sphere_inertia(2.0, 0.1), (0.3, 0.2, 0.1), tuple(start.as_quat(scalar_first=True).tolist()),
-        tuple(velocity), (0.0, 0.0, spin),
-    )  # fmt: skip
-    scenario = lab.scene(body, effects=(), duration=0.5)
-    kept = record(registry.engine(name), scenario, registry.settings(name))
-    t = kept.time
-    # DART's and MuJoCo's free joint sits at the origin: to first order the centre leaves its line in a step
-    drift = ORIGIN_BASED.get(name, 0.0) * spin**3 * np.linalg.norm(center) * registry.settings(name).dt / 2
-    # rounding of up to 500 steps
-    off = np.abs(kept.linear_velocity[:, 0] - velocity).max(axis=1)
-    assert (off <= 1e-9 + drift * t).all()
-    assert kept.angular_velocity[:, 0] == pytest.approx(np.tile([0, 0, spin], (len(t), 1)), abs=1e-9)
-    truth = Rotation.from_rotvec(np.outer(spin * t, [0, 0, 1])) * start
-    off = (Rotation.from_quat(kept.orientation[:, 0], scalar_first=True) * truth.inv()).magnitude()
-    assert off.max() < 1e-6
-    slack = 1e-6 + drift * t[-1] ** 2
-    path = np.array([0.3, 0.2, 0.1]) + start.apply(center) + np.outer(t, velocity)
-    assert kept.position[:, 0] + truth.apply(center) == pytest.approx(path, abs=slack)
 
 
 @pytest.mark.parametrize("name", ENGINES)

@@ -76,19 +76,6 @@ def test_sphere_and_the_face_of_a_box(gap, axis):
         assert normal == pytest.approx(sign * n, abs=1e-5)  # tolerance over depth
 
 
-@pytest.mark.parametrize("corner", list(product((-1, 1), repeat=3)))
-def test_sphere_and_the_corner_of_a_box(corner):
-    """A sphere off a corner is as far as the corner is from its centre, less the radius."""
-    half = np.array([0.3, 0.2, 0.25])
-    n = np.array(corner) / 3**0.5
-    for gap in (-0.01, 0.05):
-        center = half * corner + (0.1 + gap) * n
-        still = Rotation.identity()
-        distance, normal, _ = apart(Box(tuple(half)), (np.zeros(3), still), Sphere(0.1), (center, still))
-        assert distance == pytest.approx(gap, abs=TIGHT)
-        assert normal == pytest.approx(n, abs=1e-4)
-
-
 @pytest.mark.parametrize("gap", [-0.02, -1e-6, 1e-6, 0.1])
 def test_two_boxes_face_to_face_and_edge_to_edge(gap):
     """Boxes: face on face the gap of the faces; crossed edges the gap between the edges."""
@@ -103,31 +90,6 @@ def test_two_boxes_face_to_face_and_edge_to_edge(gap):
     assert distance == pytest.approx(gap, abs=TIGHT)
     assert normal == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
     assert point == pytest.approx([0.0, 0.0, root + gap / 2], abs=1e-6)
-
-
-def test_ellipsoids_along_their_axes():
-    """Ellipsoids along a common axis are their half axes apart."""
-    egg, turn = Ellipsoid((0.3, 0.2, 0.1)), Rotation.from_euler("z", 90, degrees=True)
-    for gap in (-0.01, 0.02):
-        distance, normal, _ = apart(egg, (np.zeros(3), Rotation.identity()), egg, ([0.5 + gap, 0, 0], turn))
-        assert distance == pytest.approx(gap, abs=ASKED)
-        assert normal == pytest.approx([1.0, 0.0, 0.0], abs=1e-3)
-
-
-@pytest.mark.parametrize("gap", [-0.02, 0.05])
-def test_capsules(gap):
-    """Crossed capsules are as far as their cores are, less the radii; one over a box as its lower side is."""
-    still, lying = Rotation.identity(), Rotation.from_euler("y", 90, degrees=True)
-    thin, thick = Capsule(0.1, 0.5), Capsule(0.2, 0.3)
-    across = (np.array((0.1, 0.3 + gap, 0.2)), lying)
-    above = (np.array((0.1, 0.0, 0.4 + gap)), lying)
-    for shape, pose, other, n in (
-        (thin, across, thick, (0, 1, 0)),
-        (Box((1.0, 1.0, 0.2)), above, thick, (0, 0, 1)),
-    ):
-        distance, normal, _ = apart(shape, (np.zeros(3), still), other, pose)
-        assert distance == pytest.approx(gap, abs=TIGHT)
-        assert normal == pytest.approx(n, abs=1e-5)
 
 
 def test_cylinders_that_nearly_touch(lab):

@@ -27,14 +27,6 @@ def snip() -> Scenario:
     return planned(scenario).applied(scenario)
 
 
-def test_velocities_lead_from_pose_to_pose(snip: Scenario) -> None:
-    """Move each centre of mass and turn each link from one shown pose to the next."""
-    posed = Posed(snip, snip.trackers[0], EQUAL)
-    moved = posed.center[:, :-1] + EQUAL * posed.velocity
-    np.testing.assert_allclose(moved, posed.center[:, 1:], atol=1e-14)
-    assert np.abs(posed.omega).max() > 1.0
-
-
 @pytest.mark.parametrize("name", ["mujoco", "bullet", "dart"])
 def test_links_are_where_they_are_shown(registry: SimpleNamespace, snip: Scenario, name: str) -> None:
     """Pose the links as the tracker shows them, push the ball all the same, and report no drive."""
@@ -67,19 +59,3 @@ def test_two_codes_push_a_box_alike(registry: SimpleNamespace, drive: str, most:
         ways.append(found.position[: round(until * scene.frame_rate) + 1, scene.body_index("box")])
     assert ways[0][-1, 0] - ways[0][0, 0] > 0.8
     assert np.linalg.norm(ways[0] - ways[1], axis=1).max() < most
-
-
-def test_an_engine_itself_holds_the_links_there(snip: Scenario) -> None:
-    """Find MuJoCo's own bodies at the shown poses, not just the state."""
-    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
-    from touchstone.adapters.engines.mujoco.engine import MujocoEngine
-
-    world = MujocoEngine().build(snip, Settings("equal-step", EQUAL, drive="posed"))
-    world.drive(50)
-    world.step()
-    mujoco.mj_kinematics(world._model, world._data)
-    posed = Posed(snip, snip.trackers[0], EQUAL)
-    np.testing.assert_allclose(
-        world._data.xpos[world._body[list(posed.links)]], posed.place[:, 51], atol=1e-12
-    )
-    assert world._model.nv == 6

@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Settings, State, Unsupported
-from touchstone.adapters.engines.reference.reference_world import translate
 from touchstone.adapters.posed_drive import Posed, coupled
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import profiles_of
@@ -135,29 +134,6 @@ def test_paces_lead_from_pose_to_pose(lab):
         assert velocity == pytest.approx((at.position[after] - at.position[before]) / DT, abs=1e-12)
         turned = Rotation.from_quat(at.orientation[[before, after]], scalar_first=True)
         assert omega == pytest.approx((turned[1] * turned[0].inv()).as_rotvec() / DT, abs=1e-9)
-
-
-def test_the_reference_knows_its_motion(registry, lab):
-    """A prescribed body is a driver without inverse mass, with its tracker's pose and velocities."""
-    tracker = wandering()
-    scene = lab.scene(deck(), lab.ball(position=(9.0, 0.0, 0.0)), trackers=(tracker,))
-    row, start = translate(scene).drivers[0], sample(tracker, np.zeros(1))
-    assert (row["prescribed"], row["inverse_mass"]) == (1, 0.0)
-    for prefix in ("", "old_target_", "target_"):
-        assert row[f"{prefix}position"] == pytest.approx(start.position[0])
-        assert row[f"{prefix}omega"] == pytest.approx(start.angular_velocity[0])
-        assert row[f"{prefix}velocity"] == pytest.approx(start.linear_velocity[0])
-    world = registry.engine("reference").build(scene, Settings("balanced", 1 / 60))
-    at = sample(tracker, np.arange(61) / 60)
-    for frame in (0, 30):
-        world.drive(frame)
-        world.step()
-        row = world._world.drivers[0]
-        for prefix, k in (("old_target_", frame), ("target_", frame + 1)):
-            assert row[f"{prefix}position"] == pytest.approx(at.position[k], abs=PATH_ERROR)
-            assert row[f"{prefix}orientation"] == pytest.approx(at.orientation[k], abs=PATH_ERROR)
-            assert row[f"{prefix}velocity"] == pytest.approx(at.linear_velocity[k], abs=PATH_ERROR)
-            assert row[f"{prefix}omega"] == pytest.approx(at.angular_velocity[k], abs=PATH_ERROR)
 
 
 def test_who_cannot_play_them_says_so(registry, lab):

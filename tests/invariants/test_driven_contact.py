@@ -4,8 +4,6 @@ Each failed by orders of magnitude while driven bodies stood still in the simula
 4 to 8 of 10 N, held cubes fell, and loads hovered by v h.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from math import sqrt

@@ -1,7 +1,5 @@
 """What holds in every frame of every scene of the gallery, under every profile of the reference."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 """The engines' laws where they differ from those asked for, as closed forms: an update that changes one is
 noticed here."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import sqrt
 

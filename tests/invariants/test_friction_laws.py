@@ -1,7 +1,5 @@
 """Static, rolling and torsional friction: closed forms, work, and what engines have of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Half-spaces: what moves on a plane moves as over a large slab, and rounded edges roll on it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from math import cos, sin

@@ -1,7 +1,5 @@
 """Bodies cross seams of coplanar pieces as if the floor were one piece."""
 
-from __future__ import annotations
-
 from math import cos, sin
 
 import numpy as np

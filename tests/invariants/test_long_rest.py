@@ -1,7 +1,5 @@
 """Ten simulated minutes of rest on the reference."""
 
-from __future__ import annotations
-
 import pytest
 
 from touchstone.adapters.contract import Settings

@@ -1,7 +1,5 @@
 """Noisy trackers on the reference: nothing passes, overlaps or diverges, whatever a tracker reports."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

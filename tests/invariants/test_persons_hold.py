@@ -1,7 +1,5 @@
 """Boxes that persons and hinged drivers hold, lift and carry."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

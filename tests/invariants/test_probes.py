@@ -1,22 +1,26 @@
-"""Every engine over every probe: momentum, energy, cone, restitution and overlap against the limits table."""
-
-from __future__ import annotations
+"""Every engine over every probe and gallery scene: all metrics against the limits table."""
 
 from collections.abc import Iterable
 from itertools import product
 
 import numpy as np
 import pytest
+from same_recording import SHORT, different
 
 from touchstone.adapters.contract import Unsupported
+from touchstone.adapters.recorder import record
 from touchstone.adapters.recording import RunEnded
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
+from touchstone.reports.metrics.motion.events import subjects
 from touchstone.reports.results import Row
 from touchstone.reports.verdict.failings import known
 from touchstone.scenarios.catalogue import catalogue, tagged
 
 PROBES = [scenario.name for scenario in tagged("probe")]
+GALLERY = [scenario.name for scenario in tagged("gallery")]
+USUAL = ("ball_snip",)
+"""A hand's scene: what other engines than the reference play, but in slow tests."""
 SEEDED = [scenario.name for scenario in tagged("seeded")]
 HEAPED = 60
 """Bodies from which a scene takes 5 s and more: slow tests play it."""
@@ -24,9 +28,9 @@ BESIDE = [
     # slow tests play mechanisms too, whose closed forms have tests of their own
     pytest.param(name, marks=pytest.mark.slow if scene.body_joints or len(scene.bodies) >= HEAPED else ())
     for name, scene in catalogue().items()
-    if name not in PROBES + SEEDED
+    if name not in PROBES + SEEDED + GALLERY
 ]
-"""Scenes that are no probes."""
+"""Scenes that are neither probes nor of the gallery."""
 LAWS = (
     "momentum.linear",
     "momentum.angular",
@@ -71,7 +75,15 @@ def judged_scenes(columns: Iterable[tuple[str, str]]) -> list:
     return found
 
 
-FIRST_PROFILES = judged_scenes(FIRST.items())
+PLAYED = [
+    (engine, profile, scene)
+    if engine == "reference" or scene in USUAL
+    else pytest.param(engine, profile, scene, marks=pytest.mark.slow)
+    for engine, profile in FIRST.items()
+    for scene in GALLERY
+]
+"""The gallery on each engine, under its first profile."""
+FIRST_PROFILES = [*judged_scenes(FIRST.items()), *PLAYED]
 
 
 @pytest.fixture(scope="module")
@@ -113,8 +125,51 @@ def test_the_reference_meets_limits_elsewhere(broken, scene):
     assert broken("reference", "balanced", scene) == []
 
 
+@pytest.mark.parametrize(("engine", "profile", "scene"), PLAYED)
+def test_what_is_expected_happens(rows, engine, profile, scene):
+    """Every expected event has its own row, happened within its window, and passes, or is known not to."""
+    events = {(row.metric, row.subject): row for row in rows(engine, profile, scene)}
+    expectations = subjects(catalogue()[scene])
+    assert expectations
+    for (event, subject), e in expectations.items():
+        row = events[f"events.{event}", subject]
+        if row.verdict == "known":  # a documented failing keeps it from happening
+            continue
+        assert e.earliest <= row.value <= e.latest
+        assert (row.verdict, row.low, row.high) == ("pass", e.earliest, e.latest)
+
+
+@pytest.mark.parametrize(("engine", "profile", "scene"), PLAYED)
+def test_states_stay_sane(registry, engine, profile, scene):
+    """States are finite, quaternions are unit, and fixed bodies stay where they are."""
+    recording, scenario = registry.played(scene, engine, profile), catalogue()[scene]
+    for name in ("position", "linear_velocity", "angular_velocity", "joint_angle", "joint_rate"):
+        assert np.isfinite(getattr(recording, name)).all(), name
+    # rounding; Bullet normalises once a step
+    assert np.linalg.norm(recording.orientation, axis=2) == pytest.approx(1.0, abs=1e-9)
+    for k, body in enumerate(scenario.bodies):
+        if body.kind == "fixed":
+            assert np.ptp(recording.position[:, k], axis=0).max() == 0
+            assert (recording.linear_velocity[:, k] == 0).all()
+
+
+REPEATED = [
+    pytest.param(one.name, marks=pytest.mark.slow) if "heap" in one.tags else one.name
+    for one in catalogue().values()
+    if one.name not in SHORT
+]
+"""Scenes that are played twice here: `test_plan_and_all_effects_are_one` plays all others a second time."""
+
+
+@pytest.mark.parametrize("scene", REPEATED)
+def test_the_reference_repeats_to_the_bit(registry, scene):
+    """Two runs of the reference leave the same recording, but for what the clock says."""
+    again = record(registry.engine("reference"), catalogue()[scene], registry.settings("reference"))
+    assert different(registry.played(scene, "reference"), again) == set()
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", BESIDE)
+@pytest.mark.parametrize("scene", [*BESIDE, *GALLERY])
 def test_the_accurate_profile_meets_limits_elsewhere(broken, scene):
     """So does its profile `accurate`."""
     assert broken("reference", "accurate", scene) == []

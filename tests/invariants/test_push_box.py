@@ -1,7 +1,5 @@
 """`push_box`: hands push a box at their own speed, and friction alone stops it once they let go."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A person's hands against movable bodies: boxes of all masses, a box before a wall, and thrown balls."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random scenes on the reference: energy created, overlap or a broken-off run shows without any truth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from functools import cache
 

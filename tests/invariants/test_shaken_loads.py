@@ -1,7 +1,5 @@
 """Loads that slip and stick on shaken platforms, against an integration of their own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import pi
 

@@ -1,7 +1,5 @@
 """A fast hand on the gallery's table and fast balls on plates: real runs that the judge must see through."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

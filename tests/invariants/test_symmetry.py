@@ -1,7 +1,5 @@
 """Contact on the reference knows no left and right, no order of bodies, no place, and no end of patience."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

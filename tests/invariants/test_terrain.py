@@ -1,7 +1,5 @@
 """Triangles in one plane: what moves over them moves as over the plane, turned as a whole in any way."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from math import cos, sin

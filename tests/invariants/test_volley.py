@@ -1,7 +1,5 @@
 """`volley`: thrown balls fly on parabolas, are hit by Newton's law, and their momenta balance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The paper's claims on the shape of the work over a scene: on counts in profile `paper`, never on times."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

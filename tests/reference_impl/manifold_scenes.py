@@ -1,7 +1,5 @@
 """Boxes and capsules in contact: what tests of manifolds and of resting contact share."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Two bodies of one piece each that move over a step: what tests of the sweep share."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -40,7 +38,7 @@ class Scene:
         self.bodies["moves"], self.bodies["old_orientation"] = 1, (1.0, 0.0, 0.0, 0.0)
         self.pairs["piece_b"] = self.pairs["body_b"] = 1
 
-    def move(self, body: int, center=(0, 0, 0), travel=(0, 0, 0), turn=(0, 0, 0), **more: object) -> Scene:
+    def move(self, body: int, center=(0, 0, 0), travel=(0, 0, 0), turn=(0, 0, 0), **more: object) -> "Scene":
         """Set a body's motion; `more`: `posture` (scipy), `travel_bend` and `turn_bend` (square terms)."""
         row = self.bodies[body]
         row["old_center"], row["travel"], row["turn"] = center, travel, turn
@@ -49,7 +47,7 @@ class Scene:
         row["old_orientation"] = posture.as_quat(scalar_first=True)
         return self
 
-    def spin_freely(self, body: int, inertia: np.ndarray, omega: np.ndarray) -> Scene:
+    def spin_freely(self, body: int, inertia: np.ndarray, omega: np.ndarray) -> "Scene":
         """Let a body that was given its motion rotate without torque from `omega` [rad per step]."""
         row = self.bodies[body]
         row["inertia"], row["old_omega"] = inertia, omega

@@ -1,6 +1,4 @@
-"""Whole frames: rest, flight, bounce, rolling, and `ball_snip` twice."""
-
-from __future__ import annotations
+"""Whole frames: rest, and a flick with and without the compiler."""
 
 import dataclasses
 import os
@@ -58,41 +56,18 @@ def test_a_resting_ball_stays(lab: SimpleNamespace, profile: str, gap: float) ->
     assert np.abs(world.bodies[0]["velocity"]).max() < 1e-12
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-@pytest.mark.parametrize("tilt", [0.0, 0.3])
-def test_a_dropped_box_neither_explodes_nor_sinks(lab: SimpleNamespace, profile: str, tilt: float) -> None:
-    """Keep a box that lands flat or tilted above ground, with no more energy than it fell with."""
-    half = (0.1, 0.08, 0.05)
-    turn = (np.cos(tilt / 2), np.sin(tilt / 2) * 0.6, np.sin(tilt / 2) * 0.8, 0.0)
-    box = lab.block("box", half, (0.0, 0.0, 0.3), orientation=tuple(map(float, turn)))
-    world = lab.build(lab.scene(box, lab.ground(), e=0.2, mu=0.3), profile)
-    body = world.bodies[0]
-    energies, lows = [], []
-    for _ in range(180):
-        lab.play(world, 1)
-        spin = body["rotation"].T @ body["omega"]
-        energies.append(
-            9.81 * body["position"][2]
-            + (body["velocity"] @ body["velocity"] + spin @ body["inertia"] @ spin) / 2
-        )
-        lows.append(float(lab.corners(lab.scene_piece(world, 0))[:, 2].min()))
-    assert np.isfinite(energies).all()
-    assert max(energies) <= 9.81 * 0.3 * 1.01
-    assert min(lows) > -1e-4
-    assert energies[-1] < 9.81 * 0.15
-
-
-def test_python_gives_what_the_compiler_gives(tmp_path) -> None:
+@pytest.mark.parametrize("profile", ["balanced", "paper"])
+def test_python_gives_what_the_compiler_gives(tmp_path, profile: str) -> None:
     """Play 30 frames with finger contact without the compiler: the same to a nanometre."""
     scenario, out = short_snip(), tmp_path / "python.npy"
-    compiled = trajectory(scenario, "balanced")
+    compiled = trajectory(scenario, profile)
     ball = scenario.body_index("ball")
     assert np.linalg.norm(compiled[-1, 3 * ball : 3 * ball + 2] - compiled[0, 3 * ball : 3 * ball + 2]) > 0.05
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "SNIP_OUT": str(out)}
-    subprocess.run([sys.executable, __file__], env=environment, check=True)
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, __file__, profile, str(out)], env=environment, check=True)
     # sines and square roots may differ in the last bit; 30 frames of one contact magnify that little
     np.testing.assert_allclose(np.load(out), compiled, atol=1e-9)
 
 
 if __name__ == "__main__":
-    np.save(os.environ["SNIP_OUT"], trajectory(short_snip(), "balanced"))
+    np.save(sys.argv[2], trajectory(short_snip(), sys.argv[1]))

@@ -9,8 +9,7 @@ from scipy.integrate import solve_ivp
 
 from touchstone.scenarios.body_joints import implied_equations, mechanisms, spanning_trees
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.closed_form import motion
-from touchstone.scenarios.families.joined_contact import LADDER, LEAN, WHEEL, ladder_leaves
+from touchstone.scenarios.families.joined_contact import LADDER, LEAN, ladder_leaves
 from touchstone.scenarios.families.mechanisms import turning
 from touchstone.scenarios.scenario import GRAVITY, BodyJoint, ScenarioError
 from touchstone.scenarios.solids import ball, block
@@ -191,58 +190,6 @@ def test_joined_bodies_do_not_touch() -> None:
         for k in pair
     }
     assert {"shin_left", "shin_right", "torso"} <= legs
-
-
-def test_a_gripper_can_hold_what_it_lifts() -> None:
-    """Newton holds for all that the wrist moves; friction of the fingers bears the cube or not."""
-    for name, lifts in (("gripper_lifts", True), ("gripper_slips", False)):
-        scene = catalogue()[name]
-        bodies = {body.name: body for body in scene.bodies}
-        pace = {truth.body: truth.arcs[0].acceleration[2] for truth in scene.truths}
-        assert len({pace["wrist"], pace["left"], pace["right"]}) == 1
-        held = 2 * scene.pair_coefficients(2, 4)[1] * scene.body_joints[1].largest_force
-        needed = bodies["cube"].mass * (GRAVITY + pace["wrist"])
-        assert (held > needed) == lifts
-        assert pace["cube"] == (pace["wrist"] if lifts else 0.0)
-        on_cube = needed if lifts else held
-        rest = [bodies[one] for one in ("wrist", "left", "right")]
-        force = sum(body.mass * (GRAVITY + pace[body.name]) for body in rest) + on_cube
-        assert scene.body_joints[0].largest_force == pytest.approx(force)
-        for joint in scene.body_joints:
-            fastest = pace["wrist"] * scene.duration
-            assert joint.damping * (joint.target_rate - fastest) > joint.largest_force
-
-
-def test_a_cart_keeps_its_energy_down_a_slope() -> None:
-    """What the chassis and the rolling wheels gain is what all lose in height; wheels do not slip."""
-    scene, end = catalogue()["cart_slope"], np.array([0.0, 2.0])
-    gained = lost = 0.0
-    for truth in scene.truths:
-        body, found = scene.bodies[scene.body_index(truth.body)], motion(scene, truth, end)
-        spin = np.linalg.norm(found.angular_velocity[1])
-        speed = np.linalg.norm(found.velocity[1])
-        gained += body.mass * speed**2 / 2 + body.inertia[2][2] * spin**2 / 2
-        lost -= body.mass * GRAVITY * np.diff(found.position[:, 2])[0]
-        assert spin == pytest.approx(0.0 if body.name == "chassis" else speed / WHEEL[0])
-    assert gained == pytest.approx(lost, rel=1e-12)
-
-
-def test_forces_on_a_vehicle_that_turns_on_the_spot_balance() -> None:
-    """Friction against the slip of each ball takes its motor's torque, and has no force or moment in sum."""
-    scene = catalogue()["skid_steer"]
-    bodies, limit = {body.name: body for body in scene.bodies}, scene.coefficients[0].friction
-    weight = sum(body.mass for body in scene.bodies) * GRAVITY / 4
-    force, moment = np.zeros(3), 0.0
-    for joint in scene.body_joints:
-        one = bodies[joint.child]
-        down = np.array((0.0, 0.0, -one.pieces[0].shape.radius))
-        slip = np.add(one.linear_velocity, np.cross(one.angular_velocity, down))
-        pull = -limit * weight * slip / np.linalg.norm(slip)
-        motor = joint.damping * (joint.target_rate - one.angular_velocity[1])
-        assert motor == pytest.approx(-np.cross(down, pull)[1], rel=1e-12)
-        force, moment = force + pull, moment + np.cross(one.position, pull)[2]
-    assert np.abs(force).max() < 1e-14
-    assert abs(moment) < 1e-14
 
 
 def test_a_ladder_leaves_its_wall_where_the_wall_would_pull() -> None:

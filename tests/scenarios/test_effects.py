@@ -2,7 +2,6 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from touchstone.adapters.motion_bounds import bounds
@@ -36,18 +35,6 @@ def test_a_ball_over_the_ground(lab: SimpleNamespace, effect: str, needed: dict,
     bodies = (lab.ground(), lab.ball())
     assert planned(lab.scene(*bodies, **needed)).on(effect)
     assert not planned(lab.scene(*bodies, **not_needed)).on(effect)
-
-
-def test_rotation_of_a_spinning_ball_and_of_a_box(lab: SimpleNamespace) -> None:
-    """Need rotation where a body spins from the start, or normal forces miss its centre."""
-    assert planned(lab.scene(lab.ball(angular_velocity=(0.0, 0.0, 1.0)))).on("rotation")
-    # a normal force misses a ball's centre by rounding, which is not nothing to the bit
-    bounced = planned(lab.scene(lab.ground(), lab.ball()))
-    assert reason(bounced, "rotation") == "contact with ground can turn ball by rounding"
-    assert not planned(lab.scene(lab.ball())).on("rotation")
-    box = lab.block("box", (0.1, 0.1, 0.1), (0.0, 0.0, 0.5))
-    assert planned(lab.scene(lab.ground(), box)).on("rotation")
-    assert not planned(lab.scene(box)).on("rotation")
 
 
 def test_contact_by_reach(lab: SimpleNamespace) -> None:
@@ -84,20 +71,6 @@ def test_only_pieces_in_reach_are_kept(lab: SimpleNamespace) -> None:
     assert made.pieces == ((0,), (), (0,))
 
 
-def test_a_person_that_meets_nothing(lab: SimpleNamespace) -> None:
-    """Need no inverse kinematics or removal where no wall is near, and both where one is."""
-    alone = planned(lab.person())
-    for effect in ("inverse_kinematics", "overlap_removal", "contact"):
-        assert not alone.on(effect)
-    for effect in ("reach_cones", "attraction", "virtual_coupling"):
-        assert alone.on(effect)
-    bodies = lab.person().bodies
-    wall = lab.block("wall", (0.1, 2.0, 2.0), (0.5, 0.0, 0.0), kind="fixed")
-    beside = planned(lab.person(bodies=(*bodies, wall)))
-    for effect in ("inverse_kinematics", "reach_cones", "overlap_removal", "contact"):
-        assert beside.on(effect)
-
-
 def test_what_is_asked_for(lab: SimpleNamespace) -> None:
     """Run the effects named and no others, and say what the scene itself called for."""
     scene = lab.scene(lab.ground(), lab.ball(), mu=0.5)
@@ -109,14 +82,3 @@ def test_what_is_asked_for(lab: SimpleNamespace) -> None:
     assert reason(made, "friction") == "asked for; needed: mu = 0.5 between ground and ball"
     assert planned(scene, PLANNED).pairs == ((0, 1),)
     assert planned(scene, ()).pairs == ()
-
-
-def test_a_bound_that_breaks_is_told(lab: SimpleNamespace) -> None:
-    """Name the body that leaves its box."""
-    scene = lab.scene(lab.ground(), lab.ball())
-    made = planned(scene)
-    names = [body.name for body in scene.bodies]
-    position = np.array([body.position for body in scene.bodies])
-    assert made.broken(position, names) is None
-    position[1, 0] += 1e3
-    assert made.broken(position, names) == "ball left the bounds of its plan"

@@ -1,6 +1,5 @@
 """The catalogue: its gallery, trackers and solids; broken files are named; final positions in closed form."""
 
-import dataclasses
 import importlib
 import sys
 from collections.abc import Callable
@@ -9,23 +8,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
 
 from touchstone.reference_impl.kinematics.skeleton import pose_links
 from touchstone.reports.metrics.posture import cone_excess, limit_excess
 from touchstone.scenarios import catalogue as scenes
 from touchstone.scenarios import families
-from touchstone.scenarios.avatar.avatar import HIP_HEIGHT, SEGMENTS, avatar_parts
-from touchstone.scenarios.avatar.postures import CLEARANCE, FREQUENCY, person_tracker, reach, step
+from touchstone.scenarios.avatar.avatar import SEGMENTS, avatar_parts
+from touchstone.scenarios.avatar.postures import person_tracker, reach, step
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.closed_form_ends import final_positions
 from touchstone.scenarios.families import fall  # noqa: F401
-from touchstone.scenarios.gallery import DOORWAY, gallery
-from touchstone.scenarios.scenario import Box, Hull, vector
+from touchstone.scenarios.scenario import vector
 
-BUILDING = {"floor", "north_wall", "south_wall", "west_wall", "east_wall", "partition"}
 SCENES = [scene.name for scene in tagged("gallery")]
 
 
@@ -40,47 +36,6 @@ def posed(lab: SimpleNamespace) -> Callable[[tuple[float, ...]], np.ndarray]:
         return world.bodies
 
     return pose
-
-
-def triangles(body) -> int:
-    """Of all pieces of a body."""
-    return sum(
-        len(ConvexHull(np.array(piece.shape.vertices)).simplices) if isinstance(piece.shape, Hull) else 12
-        for piece in body.pieces
-    )
-
-
-def test_twenty_objects_stand_in_two_rooms() -> None:
-    """Count the objects, those of hundreds of triangles, and those that are no convex piece."""
-    bodies = gallery()
-    objects = [body for body in bodies if body.name not in BUILDING]
-    assert len(objects) == 20
-    assert {body.name for body in bodies} - {body.name for body in objects} == BUILDING
-    assert sum(triangles(body) >= 200 for body in objects) == 5
-    assert sum(len(body.pieces) > 1 for body in objects) >= 15
-    assert {body.kind for body in bodies} == {"fixed"}
-
-
-def test_a_person_fits_through_the_doorway() -> None:
-    """Leave a gap between the partition's pieces, wider and higher than a person."""
-    partition = next(body for body in gallery() if body.name == "partition")
-    half_width, height = DOORWAY
-    for piece in partition.pieces:
-        assert isinstance(piece.shape, Box)
-        low, high = (np.array(piece.position) + sign * np.array(piece.shape.half_extents) for sign in (-1, 1))
-        beside = max(low[1], -high[1]) - half_width
-        assert max(beside, low[2] - height) >= -1e-12  # rounding
-    assert 2 * half_width > 0.6
-    assert height > 1.9
-
-
-def test_every_scene_of_the_gallery_plays_in_it() -> None:
-    """Share the building and the objects, name by name and piece by piece."""
-    for name in SCENES:
-        bodies = {body.name: body for body in catalogue()[name].bodies}
-        for body in gallery():
-            assert bodies[body.name].pieces == body.pieces
-    assert len(SCENES) == 8
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -131,31 +86,6 @@ def test_a_step_keeps_the_sole_level(posed) -> None:
     foot = [body.name for body in avatar_parts()[0]].index("left_foot")
     for row in tracker.angles:
         assert posed(row)[foot]["rotation"][2, 0] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_person_stands_over_the_floor_and_is_critically_damped() -> None:
-    """Hold the soles over the floor, and couple the torso by its mass."""
-    tracker = person_tracker(np.arange(2.0), np.zeros((2, 2)), 1.0)
-    assert tracker.positions[0][2] == HIP_HEIGHT + CLEARANCE
-    mass = sum(body.mass for body in avatar_parts()[0])
-    assert tracker.stiffness == pytest.approx(mass * FREQUENCY**2)
-    assert tracker.damping**2 == pytest.approx(4 * mass * tracker.stiffness)
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_gallery_scenes_start_free_of_overlap(name: str, lab: SimpleNamespace, recordings) -> None:
-    """Begin with no two bodies that may touch in each other."""
-    oracle = pytest.importorskip("touchstone.adapters.oracles.overlap")
-    scenario = catalogue()[name]
-    world = lab.build(scenario)
-    short = dataclasses.replace(
-        recordings.recording(scenario),
-        time=np.zeros(1),
-        position=world.bodies["position"][None],
-        orientation=world.bodies["orientation"][None],
-    )
-    # a ball at rest on a table: coal's tolerance of 1e-8
-    assert oracle.measure(short, scenario).overlap().max() <= 1e-8
 
 
 RETURNS = "from touchstone.scenarios.catalogue import scene\n\n\n@scene\ndef odd():\n    return {}\n"
@@ -215,13 +145,6 @@ def moved(scenario, name, shift):
         for body in scenario.bodies
     )
     return replace(scenario, bodies=bodies, truths=(), expectations=())
-
-
-def test_what_is_covered():
-    """Cover free flight, bounces and collisions of two balls, and nothing that rolls, slides or is driven."""
-    families = {name.partition("_")[0] for name in COVERED}
-    assert families >= {"fall", "bounce", "collide"}
-    assert families.isdisjoint({"ball", "cradle", "slide", "slip", "roll", "spring", "stack", "incline"})
 
 
 @pytest.mark.parametrize("name", COVERED)

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.hand import HAND_MASS, hand_parts
 from touchstone.scenarios.avatar.tracking import sample
-from touchstone.scenarios.catalogue import catalogue, tagged, tags
-from touchstone.scenarios.scenario import Box, Hull, Piece, Sphere, Tracker
+from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.scenario import Tracker
 from touchstone.scenarios.solids import (
     box_inertia,
     capsule_inertia,
@@ -40,20 +40,6 @@ def test_an_elliptic_hull_lies_on_its_ellipsoid(half_axes) -> None:
     np.testing.assert_allclose(((vertices / half_axes) ** 2).sum(axis=1), 1, atol=1e-14)
     # closed surface about its centre
     np.testing.assert_allclose(vertices.mean(axis=0), 0, atol=1e-15)
-
-
-def test_a_heap_starts_apart_and_in_its_box() -> None:
-    """Drop 216 balls that touch neither each other nor the walls, in an order that is not the grid's."""
-    scene = catalogue()["balls_box"]
-    balls = np.array([body.position for body in scene.bodies if body.kind == "simulated"])
-    radius = scene.bodies[-1].pieces[0].shape.radius
-    assert len(balls) == 216
-    apart = np.linalg.norm(balls[:, None] - balls, axis=2)[np.triu_indices(216, 1)]
-    assert apart.min() > 2 * radius
-    assert np.abs(balls[:, :2]).max() + radius < 0.34
-    assert balls[:, 2].min() - radius > 0.09
-    # in the grid's order 180 of 215 follow their neighbour
-    assert (np.linalg.norm(np.diff(balls, axis=0), axis=1) < 0.12).sum() < 20
 
 
 def test_inertia_of_solids_by_quadrature() -> None:
@@ -105,18 +91,6 @@ def test_tracker_velocities_are_differences() -> None:
     np.testing.assert_allclose(ends.rate, 0, atol=1e-12)
 
 
-def test_the_catalogue_finds_the_families() -> None:
-    """Find `ball_snip` by name and by tag, in alphabetical order."""
-    assert "ball_snip" in catalogue()
-    assert list(catalogue()) == sorted(catalogue())
-    assert all(name == scenario.name for name, scenario in catalogue().items())
-    assert "gallery" in tags()
-    assert catalogue()["ball_snip"] in tagged("gallery")
-    # one function may build several scenes
-    assert {"bounce_e0", "bounce_e03", "bounce_e05", "bounce_e08", "bounce_e1"} <= set(catalogue())
-    assert list(tagged("no such tag")) == []
-
-
 def test_probes_and_seeded_scenes_are_told_apart() -> None:
     """Play no seeded scene with the probes; keep what is isolated free of gravity and of fixed bodies."""
     assert not {s.name for s in tagged("probe")} & {s.name for s in tagged("seeded")}
@@ -129,21 +103,6 @@ def test_probes_and_seeded_scenes_are_told_apart() -> None:
         if "symmetric" in scenario.tags:
             continue
         assert {t.body for t in scenario.truths} == {b.name for b in scenario.bodies if b.kind != "fixed"}
-
-
-@pytest.mark.parametrize(
-    "scenario",
-    [scene for tag in ("probe", "seeded") for scene in tagged(tag) if not scene.trackers],
-    ids=lambda scenario: scenario.name,
-)
-def test_probes_start_free_of_overlap(scenario, recordings) -> None:
-    """Start with no two bodies deeper in each other than rounding of their positions."""
-    oracle = pytest.importorskip("touchstone.adapters.oracles.overlap")
-    still = recordings.recording(dataclasses.replace(scenario, truths=()))
-    short = dataclasses.replace(still, time=still.time[:1])
-    found = oracle.measure(short, scenario).distance
-    # coal's depth of faces that touch: 20 m of slab times 1e-16, and EPA's tolerance of 1e-8
-    assert all(distance.min() > -1e-8 for distance in found.values())
 
 
 def test_who_may_touch(lab: SimpleNamespace) -> None:
@@ -160,15 +119,3 @@ def test_who_may_touch(lab: SimpleNamespace) -> None:
     assert frozenset(("index_distal", "thumb_distal")) in more
     # 15 parts: 105 pairs, 10 of them adjacent (those at the palm have no partner with a shape)
     assert len(more) == 95
-
-
-def test_effects_switch_coefficients_off() -> None:
-    """Take restitution, friction and gravity as zero where the effect is off."""
-    scenario = catalogue()["ball_snip"]
-    ball, table = scenario.body_index("ball"), scenario.body_index("table")
-    assert scenario.pair_coefficients(ball, table) == (0.3, 0.3)
-    bare = dataclasses.replace(scenario, effects=())
-    assert bare.pair_coefficients(ball, table) == (0.0, 0.0)
-    assert bare.acting_gravity == (0.0, 0.0, 0.0)
-    assert {Box, Hull, Sphere} == {type(p.shape) for body in scenario.bodies for p in body.pieces}
-    assert all(isinstance(p, Piece) for body in scenario.bodies for p in body.pieces)

@@ -1,7 +1,6 @@
 """How bodies must move, free and on prescribed bodies: closed forms against integration and conservation."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,10 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.closed_form import flips, motion
-from touchstone.scenarios.scenario import GRAVITY, Arc, Scenario, Truth
+from touchstone.scenarios.scenario import GRAVITY, Scenario, Truth
 
 TAGS = ("probe", "seeded", "prescribed", "curved", "joints")
 ALL = [
@@ -63,85 +61,6 @@ def test_velocities_are_rates(name: str, body: str) -> None:
     np.testing.assert_allclose(*beside, atol=1e-10)
 
 
-@pytest.mark.parametrize(
-    "scenario", [s for s in tagged("isolated") if s.truths and "impact" in s.tags], ids=lambda s: s.name
-)
-def test_collisions_keep_momentum(scenario: Scenario) -> None:
-    """Keep linear and angular momentum through the impact; lose no energy where the scene is conservative."""
-    linear, angular, energy = [np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(2)]
-    for truth in scenario.truths:
-        body = scenario.bodies[scenario.body_index(truth.body)]
-        m = motion(scenario, truth, np.array([0.0, scenario.duration]))
-        spin = body.inertia[0][0] * m.angular_velocity
-        linear += body.mass * m.velocity
-        angular += np.cross(m.position, body.mass * m.velocity) + spin
-        energy += (body.mass * (m.velocity**2).sum(axis=1) + (spin * m.angular_velocity).sum(axis=1)) / 2
-    # rounding of m v: up to 2e6 kg m/s
-    scale = max(body.mass for body in scenario.bodies)
-    np.testing.assert_allclose(linear[1], linear[0], atol=1e-15 * scale)
-    np.testing.assert_allclose(angular[1], angular[0], atol=1e-15 * scale)
-    if "conservative" in scenario.tags:
-        assert energy[1] == pytest.approx(energy[0], rel=1e-14)
-    else:
-        assert energy[1] < energy[0]
-
-
-@pytest.mark.parametrize(("name", "sticks"), [("collide_slips", False), ("collide_sticks", True)])
-def test_friction_stops_the_slip_or_not(name: str, sticks: bool) -> None:
-    """Leave no slip where friction suffices, else Coulomb's impulse against it; Newton's law along n."""
-    scenario = catalogue()[name]
-    e, mu = scenario.pair_coefficients(0, 1)
-    met = [truth.arcs[1] for truth in scenario.truths]
-    n = np.subtract(met[1].position, met[0].position)
-    n /= np.linalg.norm(n)
-
-    def slip(arcs: list[Arc]) -> np.ndarray:
-        arms = (0.05 * n, -0.05 * n)
-        a, b = (np.array(arc.velocity) + np.cross(arc.angular_velocity, r) for arc, r in zip(arcs, arms))
-        return b - a
-
-    before, after = slip([truth.arcs[0] for truth in scenario.truths]), slip(met)
-    assert n @ after == pytest.approx(-e * (n @ before), rel=1e-14)
-    across = after - n @ after * n
-    if sticks:
-        np.testing.assert_allclose(across, 0, atol=1e-15)
-    else:
-        impulse = np.subtract(met[1].velocity, scenario.truths[1].arcs[0].velocity)
-        tangential = impulse - n @ impulse * n
-        assert np.linalg.norm(tangential) == pytest.approx(mu * (n @ impulse), rel=1e-14)
-        assert across @ (before - n @ before * n) > 0
-
-
-@pytest.mark.parametrize("scenario", [catalogue()[f"slip_seed{k}"] for k in range(3)] + [catalogue()["slip"]])
-def test_slip_ends_in_rolling(scenario: Scenario) -> None:
-    """End without slip at the contact, after 2 s / (7 mu g) for a first slip s."""
-    mu = scenario.pair_coefficients(0, 1)[1]
-    for truth in scenario.truths:
-        slid, rolled = truth.arcs
-        slips = [np.array(arc.velocity) + np.cross(arc.angular_velocity, (0, 0, -0.05)) for arc in truth.arcs]
-        np.testing.assert_allclose(slips[1], 0, atol=1e-15)
-        assert rolled.start == pytest.approx(2 * np.linalg.norm(slips[0]) / (7 * mu * 9.81), rel=1e-14)
-        # what friction takes from the velocity it gives to the spin: L about the contact is kept
-        moved = np.cross((0, 0, 0.05), np.subtract(rolled.velocity, slid.velocity))
-        turned = 0.4 * 0.05**2 * np.subtract(rolled.angular_velocity, slid.angular_velocity)
-        np.testing.assert_allclose(moved + turned, 0, atol=1e-16)
-
-
-@pytest.mark.parametrize("e", [0.0, 0.3, 0.5, 0.8, 1.0])
-def test_bounces_rise_by_the_square(e: float) -> None:
-    """Rise to h e^2k, meet the floor every 2 v / g, and lie still only after all bounces."""
-    scenario = catalogue()[f"bounce_e{e:g}".replace(".", "")]
-    arcs = scenario.truths[0].arcs
-    for k, arc in enumerate(arcs[1:6], start=1):
-        assert arc.velocity[2] ** 2 / (2 * 9.81) == pytest.approx(0.3 * e ** (2 * k), rel=1e-12)
-    for one, two in pairwise(arcs[1:]):
-        assert two.start - one.start == pytest.approx(2 * one.velocity[2] / 9.81, abs=1e-12)
-    # the whole time of an endless series of bounces
-    if arcs[-1].velocity == (0.0, 0.0, 0.0):
-        fall = (2 * 0.3 / 9.81) ** 0.5
-        assert arcs[-1].start == pytest.approx(fall * (1 + 2 * e / (1 - e)), abs=1e-6)
-
-
 @pytest.mark.parametrize("name", ["tumble_stable", "tumble_unstable"])
 @pytest.mark.parametrize("seed", [None, 0, 1, 2])
 def test_a_free_top_by_integration(name: str, seed: int | None) -> None:
@@ -189,31 +108,6 @@ def test_flips_are_where_the_middle_rate_is_zero() -> None:
         assert (np.sign(rates) == sign * np.array([-1, 1])).all()
     # on the stable axis the small rates change sign ten times as often
     assert len(flips(catalogue()["tumble_stable"], catalogue()["tumble_stable"].truths[0])) > 8
-
-
-@pytest.mark.parametrize("body", ["light", "critical", "heavy"])
-def test_a_coupled_mass_by_integration(body: str) -> None:
-    """Match Eq. 6 integrated frame by frame behind a tracker that moves linearly within the frame."""
-    scenario, truth = truth_of("spring", body)
-    tracker = next(tracker for tracker in scenario.trackers if tracker.root == body)
-    mass = scenario.bodies[scenario.body_index(body)].mass
-    times = np.arange(scenario.frame_count + 1) / 60
-    target = sample(tracker, times).position[:, 0]
-    state, seen = np.zeros(2), [0.0]
-    for start, end in pairwise(target):
-        pace = 60 * (end - start)
-
-        def rate(t: float, s: np.ndarray, start: float = start, pace: float = pace) -> list[float]:
-            pull = -tracker.stiffness * (s[0] - start - pace * t) - tracker.damping * (s[1] - pace)
-            return [s[1], pull / mass]
-
-        state = solve_ivp(rate, (0, 1 / 60), state, "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
-        seen.append(state[0])
-    reported = motion(scenario, truth, times)
-    # the integration's tolerance over 90 frames
-    np.testing.assert_allclose(reported.position[:, 0], seen, atol=1e-11)
-    between = motion(scenario, truth, times[:-1] + 1 / 240).position[:, 0]
-    assert (np.abs(between - reported.position[:-1, 0]) <= 0.02).all()
 
 
 MU = 0.3

@@ -1,7 +1,5 @@
 """What entries say that engines lack: they refuse it, and build a scene of every other ability."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The broad phase against all pairs, by definition."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -90,27 +88,27 @@ SIZES = {
 }
 
 
-@pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
+SIZED = pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
+
+
+@SIZED
 @pytest.mark.parametrize("seed", range(3))
 def test_pairs_are_all_pairs_frame_after_frame(counts: tuple[int, int, int], seed: int) -> None:
-    """Find what brute force finds over ten frames of motion."""
+    """Find what brute force finds over ten frames of motion, when every piece, or one in ten, jumps anywhere,
+    and beyond the last square of the hash that is distinct."""
     rng = np.random.default_rng(seed)
     scene = Scene(rng, counts)
     for _ in range(10):
         assert scene.check() > 0
         scene.move(rng.normal(size=scene.center.shape) * 0.05)
-
-
-@pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
-def test_pieces_may_teleport(counts: tuple[int, int, int]) -> None:
-    """Find all pairs when every piece, or one in ten, jumps anywhere."""
-    rng = np.random.default_rng(4)
-    scene = Scene(rng, counts)
     for share in (1.0, 0.1, 0.1, 1.0):
         jumps = rng.random(len(scene.pieces)) < share
         target = rng.uniform(-2, 2, scene.center.shape)
         scene.move(np.where(jumps[:, None], target - scene.center, 0.0))
         scene.check()
+    far = Scene(rng, counts)
+    far.place(far.center + 100 * COLUMN_FAR * rng.integers(-1, 2, far.center.shape), far.half)
+    assert far.check() > 0
 
 
 @pytest.mark.parametrize("counts", [*SIZES.values(), (1, 2, 6)], ids=[*SIZES, "two of a kind"])
@@ -126,7 +124,7 @@ def test_coincident_boxes(counts: tuple[int, int, int]) -> None:
         scene.check()
 
 
-@pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
+@SIZED
 @pytest.mark.parametrize("huge", [0.01, 0.3, 0.95])
 def test_huge_beside_tiny(counts: tuple[int, int, int], huge: float) -> None:
     """Find all pairs where a share of the boxes is up to a million times as large as the rest."""
@@ -168,16 +166,7 @@ def test_pairs_without_room_are_counted() -> None:
     assert list(zip(pairs["piece_a"].tolist(), pairs["piece_b"].tolist())) == wanted[:7]
 
 
-@pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
-def test_far_away_is_a_place_like_any_other(counts: tuple[int, int, int]) -> None:
-    """Find all pairs beyond the last square of the hash that is distinct."""
-    rng = np.random.default_rng(11)
-    scene = Scene(rng, counts)
-    scene.place(scene.center + 100 * COLUMN_FAR * rng.integers(-1, 2, scene.center.shape), scene.half)
-    assert scene.check() > 0
-
-
-@pytest.mark.parametrize("counts", SIZES.values(), ids=SIZES)
+@SIZED
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_a_diverged_box_makes_no_false_pair(counts: tuple[int, int, int], value: float) -> None:
     """Pair only what meets when a few boxes have become infinite or no numbers, and all of it again after."""

@@ -1,7 +1,5 @@
 """Boxes that land, rest, slide and stack on their contact manifolds."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

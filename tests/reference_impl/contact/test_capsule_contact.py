@@ -1,7 +1,5 @@
 """Capsules that land, roll and rest on their contact manifolds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Simultaneous impacts of an island without a solution for its rebound speeds."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin, tan
 from types import SimpleNamespace
 

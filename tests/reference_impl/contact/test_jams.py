@@ -1,7 +1,5 @@
 """Contacts that no finite force lets slide on (Painleve)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import atan2, cos, hypot
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Separation of simulated bodies that sank into others, beside fixed bodies and drivers."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,11 +1,10 @@
 """Crowded frames: near pairs as contacts ahead of their time."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from manifold_scenes import energy
 
 from touchstone.reference_impl.contact.speculative_contacts import (
     DENSE_SUBSTEPS,
@@ -30,27 +29,6 @@ def crowded(lab: SimpleNamespace, *bodies, profile: str = "balanced", rows: int 
     world = lab.build(lab.scene(*bodies, **fields), profile)
     world.state["event_rows"] = rows
     return world
-
-
-def energy(world) -> float:
-    """Kinetic and potential energy [J] of all simulated bodies."""
-    total = 0.0
-    for body in world.bodies:
-        if body["kind"] == 1:
-            spin = body["rotation"].T @ body["omega"]
-            kinetic = body["velocity"] @ body["velocity"] / 2 + 9.81 * body["center"][2]
-            total += body["mass"] * kinetic + spin @ body["inertia"] @ spin / 2
-    return float(total)
-
-
-def test_only_crowded_frames_count(lab: SimpleNamespace) -> None:
-    """Take single events up to `event_rows` contacts a frame, and crowded substeps beyond."""
-    balls = [lab.ball(f"ball_{k}", (0.2 * k, 0.0, RADIUS)) for k in range(5)]
-    for rows, expected in ((5, 0), (4, 1), (-1, 1)):
-        world = crowded(lab, *balls, lab.ground(), rows=rows)
-        for _ in range(2):
-            step(*world)
-            assert lab.counters(world)["dense_substeps"] == expected
 
 
 def test_no_time_is_lost_to_events(lab: SimpleNamespace) -> None:

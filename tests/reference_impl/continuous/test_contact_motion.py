@@ -1,7 +1,5 @@
 """Motion of contacts within a substep, beside finite differences of exact distances."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from dataclasses import replace
 from itertools import product

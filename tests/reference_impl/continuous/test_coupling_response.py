@@ -1,7 +1,5 @@
 """The damped spring in closed form, against the matrix exponential."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """A driver's way over a substep, against the linear law by which the contact solver weighs its pushes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

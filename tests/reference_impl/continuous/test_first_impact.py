@@ -1,7 +1,5 @@
 """The moment of an impact within a frame."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

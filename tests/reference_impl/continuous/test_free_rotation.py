@@ -1,7 +1,5 @@
 """Torque-free rotation against its closed forms, and the invariants of Euler's equations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Motion of hinges over a substep, against the matrix exponential of their servos, and their limits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

@@ -1,7 +1,5 @@
 """How a body moves over a substep: where the ways lead, and that their bounds hold."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Broad phase of moving pieces."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 from touchstone.reference_impl.continuous.swept_pairs import find_swept_pairs

@@ -1,7 +1,5 @@
 """Time of impact against closed forms, dense sampling and rays: never late, never without cause."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """A plate of a millimetre against bullets at 100 m/s: what a ray hits is hit, and nothing else."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The compile cache, and one signature per kernel."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

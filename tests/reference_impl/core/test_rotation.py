@@ -1,7 +1,5 @@
 """Quaternions, matrices and rotation vectors against scipy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

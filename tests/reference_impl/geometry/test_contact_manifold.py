@@ -1,7 +1,5 @@
 """Contact manifolds of boxes and hulls: their points by closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Convex depth against the explicit Minkowski difference, closed forms and symmetry."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Depth of cylinders, cones and rounded shapes: closed forms, and the least support value over directions."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,15 +9,9 @@ from scipy.spatial.transform import Rotation
 from touchstone.scenarios.extents import extents
 from touchstone.scenarios.random_scenes.bodies import random_shape
 from touchstone.scenarios.scenario import (
-    Box,
-    Capsule,
     Cone,
     Cylinder,
-    HalfSpace,
     Piece,
-    RoundedBox,
-    RoundedHull,
-    Sphere,
 )
 
 EXACT = 1e-11
@@ -83,64 +75,3 @@ def test_no_direction_has_a_larger_gap(lab: SimpleNamespace, kind: str, rimmed: 
         assert largest_gap(a, b, rng) <= found.distance + UNBEATEN
         parted = found.point_b - found.point_a - found.distance * found.normal
         assert np.linalg.norm(parted) <= 1e-7
-
-
-@pytest.mark.parametrize(
-    ("shape", "place", "turn", "distance", "normal"),
-    [
-        # a ball over a cap, beside the side, off the rim, and inside
-        (Sphere(0.2), (0.3, 0.1, 1.0), Rotation.identity(), 0.3, (0, 0, 1)),
-        (Sphere(0.2), (0.6, 0.8, 0.1), Rotation.identity(), 0.3, (0.6, 0.8, 0)),
-        (Sphere(0.2), (0.8, 0.0, 0.9), Rotation.identity(), 0.3, (0.6, 0, 0.8)),
-        (Sphere(0.2), (0.0, 0.45, 0.0), Rotation.identity(), -0.25, (0, 1, 0)),
-        # on each other, side by side, crossed, and a capsule along the side
-        (Cylinder(0.3, 0.4), (0.1, 0.2, 0.8), Rotation.identity(), -0.1, (0, 0, 1)),
-        (Cylinder(0.3, 0.4), (0.0, 0.9, 0.1), Rotation.identity(), 0.1, (0, 1, 0)),
-        (Cylinder(0.3, 2.0), (0.1, 0.9, 0.2), LYING, 0.1, (0, 1, 0)),
-        (Capsule(0.3, 0.4), (0.0, 0.9, 0.1), Rotation.identity(), 0.1, (0, 1, 0)),
-        # a box over a cap, and a cylinder's side over a box's face
-        (Box((0.1, 0.2, 0.3)), (0.4, 0.2, 0.9), Rotation.identity(), 0.1, (0, 0, 1)),
-        (Box((2.0, 2.0, 0.3)), (0.0, 1.0, 0.0), Rotation.from_rotvec((np.pi / 2, 0, 0)), 0.2, (0, 1, 0)),
-    ],
-)
-def test_closed_forms(lab: SimpleNamespace, shape, place, turn, distance, normal) -> None:
-    """Measure a cylinder of radius and half length 0.5 against shapes at known distances, turned anyhow."""
-    for about in (Rotation.identity(), Rotation.from_rotvec((0.3, -0.7, 0.4))):
-        cylinder = lab.piece(Cylinder(0.5, 0.5), (0, 0, 0), about)
-        found = lab.measure(cylinder, lab.piece(shape, about.apply(place), about * turn))
-        assert found.converged
-        assert found.distance == pytest.approx(distance, abs=1e-12)
-        np.testing.assert_allclose(found.normal, about.apply(normal), atol=1e-6)
-
-
-CORNER = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "place", "distance", "normal"),
-    [
-        # a ball over the apex, beside the side, off the base, and a plane under a cone on its side
-        (Cone(0.3, 0.2), Sphere(0.1), (0, 0, 0.5), 0.2, (0, 0, 1)),
-        (Cone(0.3, 0.2), Sphere(0.1), (0.55, 0, 0.3), 0.4, (0.8, 0, 0.6)),
-        (Cone(0.3, 0.2), Sphere(0.1), (0.1, 0, -0.5), 0.2, (0, 0, -1)),
-        (HalfSpace(), Cone(0.3, 0.2), (0.4, 0.1, 0.1), -0.1, (0, 0, 1)),
-        (HalfSpace(), Sphere(0.3), (7.0, 1.0, 0.5), 0.2, (0, 0, 1)),
-        (HalfSpace(), Box((0.1, 0.2, 0.3)), (7.0, 1.0, -5.0), -5.3, (0, 0, 1)),
-        # faces, edges and corners of rounded boxes and hulls
-        (RoundedBox((0.3, 0.3, 0.3), 0.1), Sphere(0.1), (0.1, 0.2, 0.7), 0.2, (0, 0, 1)),
-        (RoundedBox((0.3, 0.3, 0.3), 0.1), Sphere(0.1), (0.0, 0.6, 0.7), 0.3, (0, 0.6, 0.8)),
-        (RoundedBox((0.3, 0.3, 0.3), 0.1), Box((0.1, 0.1, 0.1)), (0.1, 0.0, -0.45), -0.05, (0, 0, -1)),
-        (RoundedHull(CORNER, 0.2), Sphere(0.1), (0.2, 0.2, -0.4), 0.1, (0, 0, -1)),
-        (HalfSpace(), RoundedHull(CORNER, 0.2), (0.2, 0.2, 0.25), 0.05, (0, 0, 1)),
-    ],
-)
-def test_closed_forms_of_cones_planes_and_rounded_shapes(lab: SimpleNamespace, a, b, place, distance, normal):
-    """Measure shapes at known distances, in either order, turned anyhow."""
-    for about in (Rotation.identity(), Rotation.from_rotvec((0.3, -0.7, 0.4))):
-        one, two = lab.piece(a, (0, 0, 0), about), lab.piece(b, about.apply(place), about)
-        found, back = lab.measure(one, two), lab.measure(two, one)
-        assert found.converged
-        assert found.distance == pytest.approx(distance, abs=1e-12)
-        assert back.distance == pytest.approx(distance, abs=1e-12)
-        np.testing.assert_allclose(found.normal, about.apply(normal), atol=1e-6)
-        np.testing.assert_allclose(back.normal, about.apply(normal) * -1, atol=1e-6)

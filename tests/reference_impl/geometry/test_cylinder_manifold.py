@@ -1,7 +1,5 @@
 """Contact manifolds of cylinders: caps, sides and rims, by closed forms."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is remembered of pairs from frame to frame, and a scene detected with it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,34 +10,6 @@ from touchstone.reference_impl.core.state_dtype import STATE
 from touchstone.reference_impl.frame import prepare, step
 from touchstone.reference_impl.geometry.depth_cache import find_entry
 from touchstone.scenarios.catalogue import catalogue
-
-
-def test_a_bucket_forgets_what_was_unused_for_longest() -> None:
-    """Find a pair again while its bucket has room; a newcomer takes the oldest record, emptied."""
-    state = np.zeros(1, STATE)
-    walks = state[0]["depth_cache"]
-    find_entry(state[0], 0, 1)
-    first = int(np.flatnonzero(walks["used"])[0])
-    walks["count"][first], walks["cone"][first] = 2, 0.5
-    others = []
-    for b in range(2, 100_000):
-        if len(others) == conventions.DEPTH_CACHE_WAYS:
-            break
-        before = walks["used"].copy()
-        find_entry(state[0], 0, b)
-        slot = int(np.flatnonzero(walks["used"] != before)[0])
-        if slot // conventions.DEPTH_CACHE_WAYS == first // conventions.DEPTH_CACHE_WAYS:
-            others.append(slot)
-            if len(others) < conventions.DEPTH_CACHE_WAYS:
-                find_entry(state[0], 0, 1)
-                assert walks["count"][first] == 2
-                assert slot != first
-        else:
-            walks["used"][slot] = 0
-    # the bucket holds the pair and three others; the fourth took the place of the oldest, the first of these
-    assert len(set(others[:3])) == 3
-    assert others[3] == others[0]
-    assert walks["count"][first] == 2
 
 
 def test_more_pairs_than_the_memory_holds() -> None:

@@ -1,7 +1,5 @@
 """Convex depth on adversarial poses, under motions that change nothing, and next to round surfaces."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

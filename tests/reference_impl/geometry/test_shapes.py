@@ -1,7 +1,5 @@
 """Bounding boxes and support points against the vertices."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reach cones: axioms of the projection, nearest points by dense sampling, recovered rotations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

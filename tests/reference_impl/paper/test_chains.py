@@ -1,7 +1,5 @@
 """Chains under profile `paper`: end effector, goal, cyclic coordinate descent, parallel links, order."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

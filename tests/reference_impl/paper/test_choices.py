@@ -1,7 +1,5 @@
 """What the paper leaves open: each decision has its row in docs/method.md, with figures as measured."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Every equation of the paper against the formula in scalar Python, written from the page."""
 
-from __future__ import annotations
-
 from math import acos, cos, sin, sqrt
 
 import numpy as np

@@ -1,32 +1,22 @@
 """The paper's own claims on its pipeline: who moves, in which order, how far, and what it misses."""
 
-from __future__ import annotations
-
 import ast
-import dataclasses
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from touchstone.adapters.contract import Settings
-from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.adapters.engines.reference.reference_world import translate
-from touchstone.adapters.recorder import record
 from touchstone.reference_impl.core.conventions import OVERLAP_TOLERANCE, SIMULATED
 from touchstone.reference_impl.core.world import World
 from touchstone.reference_impl.paper import frame
 from touchstone.reference_impl.paper.overlap_avoidance import translate_out
-from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Body, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import sphere_inertia
 
-PAPER, RADIUS, GRAVITY = "paper", 0.05, 9.81
+RADIUS, GRAVITY = 0.05, 9.81
 PACKAGE = Path(frame.__file__).parent
 
 
@@ -260,32 +250,3 @@ def test_every_equation_stands_once() -> None:
             if text and (match := re.match(r"Eqs?\. (\d+)(?: and (\d+))?[:,]", text)):
                 found += [int(number) for number in match.groups() if number]
     assert sorted(found) == list(range(1, 11))
-
-
-def test_python_gives_what_the_compiler_gives(tmp_path) -> None:
-    """Play frames in contact with and without the compiler: the same to a nanometre."""
-    out = tmp_path / "python.npy"
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    subprocess.run([sys.executable, __file__, str(out)], env=environment, check=True)
-    np.testing.assert_allclose(np.load(out), positions(), atol=1e-9)
-
-
-def positions() -> np.ndarray:
-    """Positions of all bodies in half a second of `ball_snip` around its first contact."""
-    scenario = catalogue()["ball_snip"]
-    tracker, kept = scenario.trackers[0], slice(16, 47)
-    tracker = dataclasses.replace(
-        tracker,
-        times=tuple(k / scenario.frame_rate for k in range(31)),
-        positions=tracker.positions[kept],
-        orientations=tracker.orientations[kept],
-        angles=tracker.angles[kept],
-    )
-    short = dataclasses.replace(
-        scenario, trackers=(tracker,), duration=30 / scenario.frame_rate, expectations=()
-    )
-    return record(ReferenceEngine(), short, Settings(PAPER, 1 / 60)).position
-
-
-if __name__ == "__main__":
-    np.save(sys.argv[1], positions())

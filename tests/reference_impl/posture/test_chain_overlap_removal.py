@@ -1,7 +1,5 @@
 """The driven loop with chains: pushed limbs come free within limits and cones, and only as far as needed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

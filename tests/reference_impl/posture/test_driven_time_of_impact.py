@@ -1,7 +1,5 @@
 """Fast driven bodies stay on the side they came from, and slow ones slide as before."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

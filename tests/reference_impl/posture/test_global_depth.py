@@ -1,7 +1,5 @@
 """Eq. 1 by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The smallest translation out of several depths: by hand, by its conditions of optimality, and by scipy."""
 
-from __future__ import annotations
-
 from math import cos, sin
 
 import numpy as np

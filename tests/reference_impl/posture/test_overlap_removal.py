@@ -1,7 +1,5 @@
 """The driven loop: translation out of overlap, the way back, giving up."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The least turn: by hand for one contact, against a quadratic program for several."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

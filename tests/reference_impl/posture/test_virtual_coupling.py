@@ -1,7 +1,5 @@
 """Eq. 6 in closed form against the matrix exponential and an integrator."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

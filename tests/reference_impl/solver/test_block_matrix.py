@@ -1,7 +1,5 @@
 """Steps of Newton's method equal those of a dense matrix, in islands of any shape."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

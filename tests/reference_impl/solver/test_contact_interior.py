@@ -1,7 +1,5 @@
 """Interior-point method: islands where Newton's method cycles, and those that it solves too."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from contact_islands import OPEN, USUAL, loaded, names

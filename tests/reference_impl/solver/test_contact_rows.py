@@ -1,7 +1,5 @@
 """Rows of one island: Coulomb's law at one point, and work that no impulse in the cones can turn positive."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Contacts that hold together: the laws of each, stacks, and how many sweeps they take."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Load on the corners of a face: the most even one, in any order of rows."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

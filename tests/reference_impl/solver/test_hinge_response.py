@@ -1,7 +1,5 @@
 """Response of a person's links to impulses and forces, against its joint-space inertia."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

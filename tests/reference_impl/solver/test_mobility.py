@@ -1,7 +1,5 @@
 """Mobility at a contact against finite differences of the impulses themselves."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,17 +57,6 @@ def test_mobility_is_the_velocity_per_impulse(world, a: str, b: str) -> None:
         # linear: the difference is exact but for rounding of speeds of about 1e3 m/s
         np.testing.assert_allclose(after - before, mobility @ axis, atol=1e-10 * np.abs(mobility).max())
     np.testing.assert_allclose(mobility, mobility.T, atol=1e-12 * np.abs(mobility).max())
-
-
-def test_a_link_has_the_mass_of_its_hand(world) -> None:
-    """Move the whole hand of 0.4 kg when a finger is pushed in line with its centre of mass."""
-    driver = world.drivers[0]
-    center = driver["center"].copy()
-    push(world, index("palm"), center, (0, 0, 0))
-    before, spin = velocity(world, index("index_distal"), center), driver["omega"].copy()
-    push(world, index("index_distal"), center, (0.4, 0, 0))
-    np.testing.assert_allclose(velocity(world, index("index_distal"), center) - before, (1, 0, 0), atol=1e-12)
-    np.testing.assert_allclose(driver["omega"], spin, atol=1e-15)
 
 
 def test_an_impulse_changes_angular_momentum_by_its_moment(world) -> None:

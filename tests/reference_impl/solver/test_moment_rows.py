@@ -1,7 +1,5 @@
 """Rows of rolling and torsional friction: maximum dissipation within their bounds."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

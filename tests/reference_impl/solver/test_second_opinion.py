@@ -1,7 +1,5 @@
 """Siconos solves the same contact problems: equal velocities wherever both solvers converge."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from contact_islands import OPEN, USUAL, loaded, names
