@@ -1,5 +1,6 @@
 """Joints between bodies in the engines: their motion tends to the scene's truth as the step shrinks."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -215,58 +216,55 @@ def test_bullet_couples_no_two_free_roots() -> None:
     record(load("reference"), scenario, Settings("balanced", 1 / 60))
 
 
-@pytest.mark.skipif(not installed("dart"), reason="needs DART")
-def test_dart_drives_no_joint_that_must_follow() -> None:
-    """A motor in the joint that its constraint would move is refused by the joint's name."""
+def driven_follower() -> Scenario:
+    """Two coupled rods, of which the lighter one has a motor."""
     scenario = pair("hinge", "hinge", 0.5)
-    joints = scenario.body_joints[0], replace(scenario.body_joints[1], damping=1.0, target_rate=1.0)
-    with pytest.raises(
-        Unsupported, match=r"dart: no motor in the lighter one of two coupled joints \('two'\)"
-    ):
-        load("dart").build(replace(scenario, body_joints=joints), Settings("recommended", 1 / 480))
+    first, second = scenario.body_joints
+    return replace(scenario, body_joints=(first, replace(second, damping=1.0, target_rate=1.0)))
 
 
-@pytest.mark.parametrize("engine", ["reference", *ENGINES])
-def test_a_coupled_joint_closes_no_loop(engine: str) -> None:
-    """In one line: its position is none of the tree's."""
+def coupled_loop() -> Scenario:
+    """A four-bar at rest, whose joints follow the first one."""
     scenario = catalogue()["four_bar"]
     first, *others = scenario.body_joints
-    coupled = (first, *(replace(one, mimics=first.name) for one in others))
-    with pytest.raises(Unsupported, match=rf"{engine}: no coupled joint closes a loop"):
-        load(engine).build(
-            replace(scenario, body_joints=coupled, bodies=still(scenario), truths=()),
-            Settings("balanced" if engine == "reference" else "recommended", 1 / 480),
-        )
-
-
-def still(scenario: Scenario) -> tuple[Body, ...]:
-    """The bodies at rest."""
     rest = {"linear_velocity": (0.0, 0.0, 0.0), "angular_velocity": (0.0, 0.0, 0.0)}
-    return tuple(replace(body, **rest) for body in scenario.bodies)
+    still = tuple(replace(body, **rest) for body in scenario.bodies)
+    coupled = (first, *(replace(one, mimics=first.name) for one in others))
+    return replace(scenario, body_joints=coupled, bodies=still, truths=())
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_joint_with_a_prescribed_body_is_refused(engine: str) -> None:
-    """In one line that names the joint."""
+def limited_loop() -> Scenario:
+    """A four-bar, all of whose joints have limits."""
+    scenario = catalogue()["four_bar"]
+    limited = tuple(replace(joint, lower=-3.0, upper=3.0) for joint in scenario.body_joints)
+    return replace(scenario, body_joints=limited, truths=())
+
+
+def prescribed_wire() -> Scenario:
+    """A bead on a wire that a prescribed body carries."""
     scenario = catalogue()["bead_on_wire"]
     path = Body("path", "prescribed", "steel", (Piece("ball", Sphere(0.01)),))
     tracker = Tracker("path", (), (0.0, 2.0), ((0.0, 0.0, 0.0),) * 2, ((1.0, 0.0, 0.0, 0.0),) * 2, ((), ()))
     held = tuple(replace(joint, parent="path") for joint in scenario.body_joints)
     bodies = (path, *scenario.bodies)
-    scenario = replace(scenario, bodies=bodies, body_joints=held, trackers=(tracker,), truths=())
-    with pytest.raises(Unsupported, match=rf"{engine}: no joint with a prescribed body \('wire'\)"):
-        load(engine).build(scenario, Settings("recommended", 1 / 480))
+    return replace(scenario, bodies=bodies, body_joints=held, trackers=(tracker,), truths=())
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_what_closes_no_loop_is_named(engine: str) -> None:
-    """A limit of a joint that closes a loop is refused in one line."""
-    scenario = catalogue()["four_bar"]
-    limited = tuple(replace(joint, lower=-3.0, upper=3.0) for joint in scenario.body_joints)
-    with pytest.raises(Unsupported, match=rf"{engine}: no hinge with forces or limits closes a loop"):
-        record(
-            load(engine), replace(scenario, body_joints=limited, truths=()), Settings("recommended", 1 / 480)
-        )
+@pytest.mark.parametrize(
+    ("engine", "make", "message"),
+    [
+        *((one, driven_follower, r"no motor in the lighter one of two coupled joints \('two'\)")
+          for one in ENGINES if one == "dart"),
+        *((one, coupled_loop, "no coupled joint closes a loop") for one in ("reference", *ENGINES)),
+        *((one, limited_loop, "no hinge with forces or limits closes a loop") for one in ENGINES),
+        *((one, prescribed_wire, r"no joint with a prescribed body \('wire'\)") for one in ENGINES),
+    ],
+)  # fmt: skip
+def test_joints_that_an_engine_lacks_are_refused(engine: str, make: Callable, message: str) -> None:
+    """In one line that names the engine, and the joint where others are kept."""
+    profile = "balanced" if engine == "reference" else "recommended"
+    with pytest.raises(Unsupported, match=f"{engine}: {message}"):
+        load(engine).build(make(), Settings(profile, 1 / 480))
 
 
 def test_an_engine_without_joints_refuses_them() -> None:

@@ -248,43 +248,33 @@ def test_friction_impulses_of_rapier_balance_the_momentum(name, lab, box, run_of
     np.testing.assert_allclose(recording.contacts["impulse"].sum(axis=0) - weight, change, atol=1e-4)
 
 
-@pytest.mark.parametrize("name", [needed("rapier")])
-def test_rapier_takes_a_combine_rule_that_gives_each_pair_its_friction(name, lab, run_of):
-    """Where no mean does, the product of both does; the manifest reads both back."""
-    scenario = lab.scene(lab.ground(), lab.ball("one", (0.0, 0.0, 0.05)), lab.ball("two", (0.3, 0.0, 0.05)))
-    floor, one, two = scenario.bodies
-    table = (
-        PairCoefficients("wood", "wood", 0.0, 0.9),
-        PairCoefficients("wood", "metal", 0.0, 0.09),
-        PairCoefficients("metal", "metal", 0.0, 0.3),
-    )
-    metal = tuple(replace(body, material="metal") for body in (one, two))
-    mixed = replace(scenario, bodies=(floor, *metal), coefficients=table)
-    facts = run_of(mixed, name).recording.facts
-    assert facts["settings"]["friction_rule"] == "CoefficientCombineRule.MULTIPLY"
-    found = sorted(group["friction"] for group in facts["pairs"])
-    assert found == pytest.approx([0.09, 0.3], abs=1e-6)
-
-
-@pytest.mark.parametrize("name", [needed("newton")])
-def test_friction_of_newton_has_a_factor_per_body(name, lab, run_of):
-    """Each pair has its own coefficient by the mean of both; the manifest reads it back."""
-    scenario = lab.scene(lab.ground(), lab.ball("one", (0.0, 0.0, 0.05)), lab.ball("two", (0.1, 0.0, 0.05)))
-    floor, one, two = scenario.bodies
-    table = (
-        PairCoefficients("wood", "wood", 0.0, 0.5),
-        PairCoefficients("wood", "metal", 0.0, 0.4),
-        PairCoefficients("metal", "metal", 0.0, 0.3),
-    )
-    mixed = replace(scenario, bodies=(floor, replace(one, material="metal"), two), coefficients=table)
+@pytest.mark.parametrize(
+    ("name", "profile", "metal", "table", "expected"),
+    [
+        # where no mean fits, the product of both does; a mean of factors does
+        needed("rapier", "recommended", ("one", "two"), (0.9, 0.09, 0.3), (0.09, 0.09, 0.3)),
+        needed("newton", "steel", ("one",), (0.5, 0.4, 0.3), (0.4, 0.5, 0.4)),
+    ],
+)
+def test_factors_of_bodies_give_each_pair_its_friction(name, profile, metal, table, expected, lab, run_of):
+    """By the engine's rule, which the manifest reads back, and each pair's coefficient with it."""
+    balls = lab.ball("one", (0.0, 0.0, 0.05)), lab.ball("two", (0.1, 0.0, 0.05))
+    bodies = [replace(b, material="metal") if b.name in metal else b for b in (lab.ground(), *balls)]
+    kinds = ("wood", "wood"), ("wood", "metal"), ("metal", "metal")
+    coefficients = tuple(PairCoefficients(*pair, 0.0, mu) for pair, mu in zip(kinds, table))
+    scenario = replace(lab.scene(*bodies[:1]), bodies=tuple(bodies), coefficients=coefficients)
+    facts = run_of(scenario, name, profile).recording.facts
+    if name == "rapier":
+        assert facts["settings"]["friction_rule"] == "CoefficientCombineRule.MULTIPLY"
     found = {
         tuple(sorted((a, b))): group["friction"]
-        for group in run_of(mixed, name, "steel").recording.facts["pairs"]
+        for group in facts["pairs"]
         for a in group["bodies_a"]
         for b in group["bodies_b"]
         if a != b
     }
-    assert found == pytest.approx({("ground", "one"): 0.4, ("ground", "two"): 0.5, ("one", "two"): 0.4})
+    pairs = ("ground", "one"), ("ground", "two"), ("one", "two")
+    assert found == pytest.approx(dict(zip(pairs, expected)))
 
 
 @pytest.mark.parametrize(("name", "profile", "rises"), [
@@ -297,13 +287,7 @@ def test_physx_bounces_from_its_threshold_on(name, profile, rises, lab, run_of):
     assert (height[-1] > 0.1) == rises
 
 
-@pytest.mark.parametrize(
-    ("name", "profile"),
-    [
-        *(needed(name, "recommended") for name in ("rapier", "physx")),
-        *(needed("newton", profile, slow=True) for profile in ("xpbd", "mujoco", "mujoco-elliptic", "steel")),
-    ],
-)
+@pytest.mark.parametrize(("name", "profile"), CARRYING)
 def test_hinges_follow_their_tracker(name, profile, run_of):
     """A hand whose index finger snaps has its other hinges where its glove has them, to what the snap moves
     them; at the end all are there, and links that may not touch do not."""

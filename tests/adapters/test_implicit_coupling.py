@@ -20,7 +20,7 @@ from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.play import play
 from touchstone.scenarios.avatar.tracking import ease, keyframed, sample
 from touchstone.scenarios.difficulty.family import families
-from touchstone.scenarios.scenario import Scenario
+from touchstone.scenarios.scenario import Body, Scenario, Tracker
 from touchstone.scenarios.solids import block, slab
 
 STEPS = (1 / 30, 1 / 60, 1 / 240, 1 / 960)
@@ -125,31 +125,6 @@ def test_a_step_is_that_of_the_closed_form(dt: float, damping: float | None) -> 
         assert np.abs(np.array(found) - path[1:, 0]).max() < 40 * dt
 
 
-@pytest.mark.engines
-@pytest.mark.parametrize("dt", STEPS)
-@pytest.mark.parametrize("name", NAMES)
-def test_free_plates_follow_the_closed_form(lab, registry, name: str, dt: float) -> None:
-    """Play every mass and stiffness at every step, none refused, as Eq. 6 has it to rounding."""
-    engine, rng = registry.engine(name), np.random.default_rng(7)
-    times = np.arange(11) / 30
-    path = np.cumsum(rng.normal(size=(11, 3)) * 0.01, axis=0)
-    turns = np.zeros((11, 3))
-    turns[:, 1] = 0.3 * ease(times, 0.0, times[-1])
-    for mass, stiffness in product(MASSES, STIFFNESSES):
-        body, tracker = plate(mass, stiffness, critical(mass, stiffness), times, path, turns)
-        scenario = lab.scene(body, trackers=(tracker,), duration=float(times[-1]))
-        motion = sample(tracker, np.arange(1 + round(scenario.duration / dt)) * dt)
-        rates = stiffness / mass, 2 * (stiffness / mass) ** 0.5
-        exact = closed_form(*rates, motion.position, motion.linear_velocity[0], dt)
-        angle = Rotation.from_quat(motion.orientation, scalar_first=True).as_rotvec()[:, 1:2]
-        turned = closed_form(*rates, angle, motion.angular_velocity[0, 1:2], dt)
-        found = [(s.position[0].copy(), s.orientation[0].copy()) for s in played(engine, scenario, dt)]
-        places, quaternions = (np.array(column) for column in zip(*found))
-        np.testing.assert_allclose(places, exact, atol=1e-12)
-        shown = Rotation.from_quat(quaternions, scalar_first=True).as_rotvec()
-        np.testing.assert_allclose(shown[:, 1:2], turned, atol=1e-8)
-
-
 def plates(lab: SimpleNamespace) -> tuple[Scenario, list[tuple[float, float]]]:
     """Plates of every mass and stiffness in one scene, which move and turn 1 m apart; these."""
     times, kinds = np.arange(11) / 30, list(product(MASSES, STIFFNESSES))
@@ -164,6 +139,35 @@ def plates(lab: SimpleNamespace) -> tuple[Scenario, list[tuple[float, float]]]:
     return lab.scene(*bodies, trackers=trackers, duration=float(times[-1])), kinds
 
 
+def angles(orientations: Array) -> Array:
+    """Angles about y of what turns about y alone [rad]."""
+    return Rotation.from_quat(orientations, scalar_first=True).as_rotvec()[:, 1:2]
+
+
+def free_motion(scenario: Scenario, tracker: Tracker, mass: float, dt: float) -> tuple[Array, Array]:
+    """Places and angles about y at steps' ends of a critically damped plate that meets nothing."""
+    motion = sample(tracker, np.arange(1 + round(scenario.duration / dt)) * dt)
+    rates = tracker.stiffness / mass, 2 * (tracker.stiffness / mass) ** 0.5
+    return (
+        closed_form(*rates, motion.position, motion.linear_velocity[0], dt),
+        closed_form(*rates, angles(motion.orientation), motion.angular_velocity[0, 1:2], dt),
+    )
+
+
+@pytest.mark.engines
+@pytest.mark.parametrize("dt", STEPS)
+@pytest.mark.parametrize("name", NAMES)
+def test_free_plates_follow_the_closed_form(lab, registry, name: str, dt: float) -> None:
+    """Play every mass and stiffness at every step, none refused, as Eq. 6 has it to rounding."""
+    scenario, kinds = plates(lab)
+    found = [(s.position.copy(), s.orientation.copy()) for s in played(registry.engine(name), scenario, dt)]
+    places, quaternions = (np.array(column) for column in zip(*found))
+    for k, ((mass, _), tracker) in enumerate(zip(kinds, scenario.trackers)):
+        exact, turned = free_motion(scenario, tracker, mass, dt)
+        np.testing.assert_allclose(places[:, k], exact, atol=1e-12)
+        np.testing.assert_allclose(angles(quaternions[:, k]), turned, atol=1e-8)
+
+
 @pytest.mark.parametrize(("name", "profile"), each("physx", "newton"))
 def test_free_plates_follow_the_closed_form_in_single_precision(
     lab, recorded, name: str, profile: str
@@ -172,17 +176,12 @@ def test_free_plates_follow_the_closed_form_in_single_precision(
     scenario, kinds = plates(lab)
     recording, dt = recorded(scenario, name, profile), profiles_of(name)[profile]
     every = round(1 / 60 / dt)
-    for k, ((mass, stiffness), tracker) in enumerate(zip(kinds, scenario.trackers)):
-        motion = sample(tracker, np.arange(1 + round(scenario.duration / dt)) * dt)
-        rates = stiffness / mass, 2 * (stiffness / mass) ** 0.5
-        exact = closed_form(*rates, motion.position, motion.linear_velocity[0], dt)
-        angle = Rotation.from_quat(motion.orientation, scalar_first=True).as_rotvec()[:, 1:2]
-        turned = closed_form(*rates, angle, motion.angular_velocity[0, 1:2], dt)
-        shown = Rotation.from_quat(recording.orientation[1:, k], scalar_first=True).as_rotvec()
+    for k, ((mass, _), tracker) in enumerate(zip(kinds, scenario.trackers)):
+        exact, turned = (found[every - 1 :: every] for found in free_motion(scenario, tracker, mass, dt))
         far = 1e-5 if (name, profile) == ("newton", "xpbd") else 2e-6
-        np.testing.assert_allclose(recording.position[1:, k], exact[every - 1 :: every], atol=far)
+        np.testing.assert_allclose(recording.position[1:, k], exact, atol=far)
         within = 1e-3 if profile in ("steel", "default") else 4e-5
-        np.testing.assert_allclose(shown[:, 1:2], turned[every - 1 :: every], atol=within)
+        np.testing.assert_allclose(angles(recording.orientation[1:, k]), turned, atol=within)
 
 
 @pytest.mark.parametrize(("name", "profile"), each("rapier"))
@@ -271,16 +270,20 @@ def test_links_of_any_mass_leave_the_coupling_stable(level: float, dt: float) ->
     assert np.abs(np.linalg.eigvals(loop)).max() < 1 + 1e-9
 
 
-@pytest.mark.engines
-@pytest.mark.parametrize("name", NAMES)
-def test_the_added_inertia_feels_no_gravity(lab, registry, name: str) -> None:
-    """Stay at a tracker that rests, under gravity, with an off-centre mass and a turned inertia."""
+def held(lab: SimpleNamespace, *others: Body) -> Scenario:
+    """A plate with an off-centre mass and a turned inertia, whose tracker rests."""
     times, zero = np.arange(3) / 10, np.zeros((3, 3))
     body, tracker = plate(0.05, 1e4, 10.0, times, zero + 1.0, zero + 0.4)
     tensor = ((0.002, 0.0003, -0.0001), (0.0003, 0.003, 0.0002), (-0.0001, 0.0002, 0.0025))
     body = replace(body, center_of_mass=(0.05, 0.02, -0.03), inertia=tensor)
-    scenario = lab.scene(body, trackers=(tracker,), duration=0.2)
-    for state in played(registry.engine(name), scenario, 1 / 60):
+    return lab.scene(body, *others, trackers=(tracker,), duration=0.2)
+
+
+@pytest.mark.engines
+@pytest.mark.parametrize("name", NAMES)
+def test_the_added_inertia_feels_no_gravity(lab, registry, name: str) -> None:
+    """Stay at a tracker that rests, under gravity, with an off-centre mass and a turned inertia."""
+    for state in played(registry.engine(name), held(lab), 1 / 60):
         assert state.position[0] == pytest.approx(np.ones(3), abs=1e-9)
         assert np.abs(state.force).max() < 1e-6
 
@@ -288,12 +291,7 @@ def test_the_added_inertia_feels_no_gravity(lab, registry, name: str) -> None:
 @pytest.mark.parametrize(("name", "profile"), each(*SINGLE))
 def test_a_driven_body_feels_no_gravity_in_single_precision(lab, recorded, name: str, profile: str) -> None:
     """Stay at a tracker that rests, with an off-centre mass and a turned inertia."""
-    times, zero = np.arange(3) / 10, np.zeros((3, 3))
-    body, tracker = plate(0.05, 1e4, 10.0, times, zero + 1.0, zero + 0.4)
-    tensor = ((0.002, 0.0003, -0.0001), (0.0003, 0.003, 0.0002), (-0.0001, 0.0002, 0.0025))
-    body = replace(body, center_of_mass=(0.05, 0.02, -0.03), inertia=tensor)
-    scenario = lab.scene(body, slab("floor", "wood"), trackers=(tracker,), duration=0.2)
-    recording = recorded(scenario, name, profile)
+    recording = recorded(held(lab, slab("floor", "wood")), name, profile)
     np.testing.assert_allclose(recording.position[:, 0], 1.0, atol=1e-5)
 
 

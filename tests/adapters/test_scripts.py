@@ -12,7 +12,7 @@ from touchstone.adapters.contract import AdapterError, Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES, installed, profiles_of, registered, settings_of
 from touchstone.adapters.scripts.process import distance, run, settings_lines, written
-from touchstone.adapters.scripts.script import MOST_LINES, joined, literal
+from touchstone.adapters.scripts.script import MOST_LINES, literal
 from touchstone.adapters.workers.play import play
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Box, Capsule, Hull, Sphere
@@ -181,30 +181,6 @@ def test_what_has_no_script_is_refused_by_name(engine, scene, said):
     name = registered(engine)
     with pytest.raises(AdapterError, match=re.escape(said)):
         written(catalogue()[scene], name, settings(name, next(iter(ENGINES[name].profiles))))
-
-
-def test_simple_statements_share_a_line():
-    """Neighbours of one indent join up to the width; openings of blocks, data and comments stay alone."""
-    lines = [
-        "a = 1",
-        "b = f(a)",
-        "for k in [",
-        "    1,",
-        "]:",
-        "    g(k)",
-        "    h(k)",
-        "c = 2  # why",
-        "d = 3",
-    ]
-    assert joined(lines) == [
-        "a = 1; b = f(a)",
-        "for k in [",
-        "    1,",
-        "]:",
-        "    g(k); h(k)",
-        "c = 2  # why",
-        "d = 3",
-    ]
 
 
 def test_numbers_keep_all_digits():

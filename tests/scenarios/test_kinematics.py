@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from surface_points import surface_points
 
 from touchstone.scenarios.avatar.kinematics import joint_space_inertia, link_poses, piece_box
 from touchstone.scenarios.catalogue import catalogue
@@ -58,31 +59,11 @@ def test_boxes_touch_their_pieces(shape: Shape) -> None:
     piece = Piece("piece", shape, (0.3, -0.2, 0.1), tuple(own.as_quat(scalar_first=True)))
     place = np.array([1.0, 2.0, 3.0])
     low, high = piece_box(piece, place, body.as_matrix())
-    points = place + body.apply(np.array(piece.position) + own.apply(_surface(shape)))
+    points = place + body.apply(np.array(piece.position) + own.apply(surface_points(shape)))
     assert (points >= low - 1e-12).all()
     assert (points <= high + 1e-12).all()
     np.testing.assert_allclose(points.min(axis=0), low, atol=2e-3)
     np.testing.assert_allclose(points.max(axis=0), high, atol=2e-3)
-
-
-def _surface(shape: Shape) -> np.ndarray:
-    """Many points on a shape's surface."""
-    ball = np.random.default_rng(4).normal(size=(100_000, 3))
-    ball /= np.linalg.norm(ball, axis=1)[:, None]
-    match shape:
-        case Sphere(radius):
-            return radius * ball
-        case Box(half):
-            return np.sign(ball) * half
-        case Capsule(radius, half_length):
-            return radius * ball + np.outer(np.sign(ball[:, 2]), (0.0, 0.0, half_length))
-        case Cylinder(radius, half_length):
-            rim = ball[:, :2] / np.linalg.norm(ball[:, :2], axis=1)[:, None]
-            return np.column_stack([radius * rim, half_length * np.sign(ball[:, 2])])
-        case Ellipsoid(half_axes):
-            return ball * half_axes
-        case Hull(vertices):
-            return np.array(vertices)
 
 
 def test_an_engines_child_loads_nothing_of_the_reference() -> None:

@@ -6,12 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from touchstone.scenarios.avatar.hand import HAND_MASS, hand_parts
-from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue, tagged
-from touchstone.scenarios.scenario import Tracker
 from touchstone.scenarios.solids import (
     box_inertia,
     capsule_inertia,
@@ -62,33 +59,6 @@ def test_inertia_of_solids_by_quadrature() -> None:
         np.testing.assert_allclose(reported, inertia, atol=3e-3 * np.max(inertia))
     assert sphere_inertia(2.0, 0.5) == ellipsoid_inertia(2.0, (0.5, 0.5, 0.5))
     np.testing.assert_allclose(capsule_inertia(2.0, 0.5, 1e-15), sphere_inertia(2.0, 0.5), atol=1e-14)
-
-
-def test_tracker_velocities_are_differences() -> None:
-    """Match linear, angular and hinge velocities with central differences; rest at both ends."""
-    rng = np.random.default_rng(11)
-    times = np.linspace(0, 1, 9)
-    turns = Rotation.from_rotvec(np.cumsum(rng.normal(size=(9, 3)) * 0.3, axis=0))
-    tracker = Tracker(
-        "root",
-        ("a", "b"),
-        tuple(times),
-        tuple(map(tuple, rng.normal(size=(9, 3)))),
-        tuple(map(tuple, turns.as_quat(scalar_first=True))),
-        tuple(map(tuple, rng.normal(size=(9, 2)))),
-    )
-    t, step = np.linspace(0.01, 0.99, 40), 1e-5
-    now, before, after = sample(tracker, t), sample(tracker, t - step), sample(tracker, t + step)
-    # curvature times step squared, over rounding 1e-16 / 1e-5
-    for name, rate in (("position", "linear_velocity"), ("angle", "rate")):
-        difference = (getattr(after, name) - getattr(before, name)) / (2 * step)
-        np.testing.assert_allclose(getattr(now, rate), difference, atol=1e-5)
-    turned = Rotation.from_quat(after.orientation, scalar_first=True)
-    change = turned * Rotation.from_quat(before.orientation, scalar_first=True).inv()
-    np.testing.assert_allclose(now.angular_velocity, change.as_rotvec() / (2 * step), atol=1e-5)
-    ends = sample(tracker, np.array([0.0, 1.0]))
-    np.testing.assert_allclose(ends.linear_velocity, 0, atol=1e-12)
-    np.testing.assert_allclose(ends.rate, 0, atol=1e-12)
 
 
 def test_probes_and_seeded_scenes_are_told_apart() -> None:

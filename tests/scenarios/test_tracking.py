@@ -95,6 +95,7 @@ def test_velocities_are_those_of_the_motion(name):
     first, last = (Rotation.from_quat(one.orientation, scalar_first=True) for one in (before, after))
     assert (last * first.inv()).as_rotvec() / (2 * step) == pytest.approx(now.angular_velocity, abs=1e-5)
     assert (after.position - before.position) / (2 * step) == pytest.approx(now.linear_velocity, abs=1e-5)
+    assert (after.angle - before.angle) / (2 * step) == pytest.approx(now.rate, abs=1e-5)
     assert np.allclose(sample(path, np.array(times)).position, path.positions, rtol=0, atol=1e-14)
     if name != "linear":
         sides = [sample(path, np.array(times[1:-1]) + side).angular_velocity for side in (-1e-9, 1e-9)]

@@ -203,37 +203,11 @@ def test_shakers_shake_sines():
         np.testing.assert_allclose(spline(times, 1), largest / rate * np.sin(rate * times), atol=1e-3)
 
 
-def rolled(scene: Scenario, times: np.ndarray) -> np.ndarray:
-    """States (p, v, w, q) of the ball by integration of Newton's and Euler's equations with a friction force
-    that keeps the point of contact from sliding."""
-    body = scene.bodies[1]
-    radius = body.pieces[0].shape.radius
-    down, rate = np.array((0.0, 0.0, -radius)), np.array((0.0, 0.0, 2.0))
-    mobility = 1 / body.mass + radius**2 / body.inertia[0][0]
-
-    def law(_: float, y: np.ndarray) -> np.ndarray:
-        v, w, q = y[3:6], y[6:9], y[9:]
-        # d/dt of v + w x down = rate x p: the force that gives the contact the plate's acceleration
-        force = np.cross(rate, v) / mobility
-        force[2] = 0.0
-        spin = np.cross(down, force) / body.inertia[0][0]
-        turned = np.concatenate([[-w @ q[1:]], q[0] * w + np.cross(w, q[1:])]) / 2
-        return np.concatenate([v, force / body.mass, spin, turned])
-
-    start = (*body.position, *body.linear_velocity, *body.angular_velocity, *body.orientation)
-    return solve_ivp(law, (0.0, times[-1]), start, t_eval=times, **EXACT).y.T
-
-
 def test_a_ball_on_a_turntable_circles():
     """The ball's centre circles at 2/7 of the plate's rate about a fixed point, without slip."""
     scene = catalogue()["turntable"]
     times = np.arange(scene.frame_count + 1) / scene.frame_rate
-    found, other = motion(scene, scene.truths[0], times), rolled(scene, times)
-    np.testing.assert_allclose(found.position, other[:, :3], atol=1e-10)
-    np.testing.assert_allclose(found.velocity, other[:, 3:6], atol=1e-10)
-    np.testing.assert_allclose(found.angular_velocity, other[:, 6:9], atol=1e-10)
-    turned, again = (Rotation.from_quat(q, scalar_first=True) for q in (found.orientation, other[:, 9:]))
-    assert (turned * again.inv()).magnitude().max() < 1e-9
+    found = motion(scene, scene.truths[0], times)
     arm = found.position - (-0.25, 0.0, 0.1)
     assert np.linalg.norm(arm, axis=1) == pytest.approx(0.35, abs=1e-14)
     angle = np.unwrap(np.arctan2(arm[:, 1], arm[:, 0]))
@@ -241,6 +215,8 @@ def test_a_ball_on_a_turntable_circles():
     # no slip: the ball's lowest point is as fast as the plate below it
     below = found.velocity + np.cross(found.angular_velocity, (0.0, 0.0, -0.05))
     assert below == pytest.approx(np.cross((0.0, 0.0, 2.0), found.position), abs=1e-14)
+    # no torque acts about the vertical through the contact
+    assert found.angular_velocity[:, 2] == pytest.approx(scene.bodies[1].angular_velocity[2], abs=1e-14)
 
 
 def test_platforms_bear_what_their_paths_ask():

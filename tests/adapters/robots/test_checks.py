@@ -212,24 +212,23 @@ def test_limits_of_urdf(check, limit, text):
     assert [(one.verdict, one.text.startswith(text)) for one in found] == [(FAULT, True)]
 
 
-def test_a_gripper_says_what_it_holds(check):
-    """20 N at a friction of 0.5 hold 20 N: 2.04 kg; the weight of the fingers does not load their slides."""
-    (found,) = check(gripper())
-    assert (found.check, found.verdict) == ("grip", "note")
-    assert found.text == "open to 80 mm, close to 0 mm, press with 20 N and hold 2.04 kg at a friction of 0.5"
-
-
-def test_a_gripper_that_holds_nothing_is_a_fault(check):
-    """Fingers of 100 g that press with 0.5 N hold 51 g at a friction of 0.5; frictionless ones nothing."""
-    for changes, held in (({"force": 0.5}, "hold 0.051 kg"), ({"friction": 0.0}, "hold 0 kg")):
-        (found,) = check(gripper(**changes))
-        assert (found.verdict, held in found.text) == (FAULT, True), found.text
-
-
-def test_fingers_that_do_not_meet_say_how_far(check):
-    """Strokes of 30 mm leave 20 mm."""
-    (found,) = check(gripper(reach=0.03))
-    assert "open to 80 mm, close to 20 mm" in found.text
+@pytest.mark.parametrize(
+    ("changes", "verdict", "text"),
+    [
+        # 20 N at a friction of 0.5; the weight of the fingers does not load their slides
+        ({}, NOTE, "open to 80 mm, close to 0 mm, press with 20 N and hold 2.04 kg at a friction of 0.5"),
+        # fingers of 100 g hold 51 g, frictionless ones nothing
+        ({"force": 0.5}, FAULT, "hold 0.051 kg"),
+        ({"friction": 0.0}, FAULT, "hold 0 kg"),
+        # strokes of 30 mm leave 20 mm
+        ({"reach": 0.03}, NOTE, "open to 80 mm, close to 20 mm"),
+    ],
+)
+def test_a_gripper_says_what_it_holds(check, changes, verdict, text):
+    """How far it opens and closes, and the mass that it carries, a fault if less than a finger's."""
+    (found,) = check(gripper(**changes))
+    assert (found.check, found.verdict) == ("grip", verdict)
+    assert text in found.text
 
 
 def test_a_follower_shares_the_force_of_its_drive(check):

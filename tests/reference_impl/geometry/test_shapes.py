@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
+from surface_points import surface_points
 
 from touchstone.adapters.engines.reference.reference_world import piece_arrays, translate
 from touchstone.adapters.engines.reference.support_table import BRUTE_FORCE_VERTEX_COUNT, hull_rows
@@ -26,23 +27,6 @@ TURN = Rotation.from_rotvec([0.4, -1.1, 0.6])
 OWN = Rotation.from_rotvec([-0.2, 0.3, 0.9])
 
 
-def surface(shape) -> np.ndarray:
-    """Points of the shape's surface (n, 3), dense where it is smooth."""
-    match shape:
-        case Box(half):
-            return np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-        case Hull(vertices):
-            return np.array(vertices)
-    u = np.random.default_rng(0).normal(size=(200_000, 3))
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    if isinstance(shape, Capsule):
-        return u * shape.radius + np.sign(u) * (0.0, 0.0, shape.half_length)
-    if isinstance(shape, Cylinder):
-        rim = u[:, :2] / np.linalg.norm(u[:, :2], axis=1)[:, None]
-        return np.column_stack([shape.radius * rim, shape.half_length * np.sign(u[:, 2])])
-    return u * (shape.radius if isinstance(shape, Sphere) else shape.half_axes)
-
-
 def placed(lab: SimpleNamespace, shape, margin: float):
     """(world, its only piece placed, the surface's points in the world)."""
     quaternions = [tuple(turn.as_quat(scalar_first=True).tolist()) for turn in (OWN, TURN)]
@@ -51,7 +35,7 @@ def placed(lab: SimpleNamespace, shape, margin: float):
     body = Body("body", "simulated", "wood", (piece,), 1.0, inertia=sphere_inertia(1.0, 0.1), **posed)
     world = translate(lab.scene(body))
     place_piece(world.pieces[0], world.bodies[0], world.vertices, margin)
-    return world, TURN.apply(OWN.apply(surface(shape)) + piece.position) + body.position
+    return world, TURN.apply(OWN.apply(surface_points(shape)) + piece.position) + body.position
 
 
 @pytest.mark.parametrize("name", SHAPES)

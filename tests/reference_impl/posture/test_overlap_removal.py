@@ -74,20 +74,14 @@ def corner_world(lab: SimpleNamespace, profile: str, walls: int):
     return world
 
 
-def test_a_square_corner_halves_per_round(lab: SimpleNamespace) -> None:
-    """Free a ball of 1 cm depth in ground and wall in 14 rounds: 1e-2 / 2^14 < 1e-6 m."""
-    world = corner_world(lab, "balanced", walls=1)
+@pytest.mark.parametrize(("walls", "rounds", "share"), [(1, 14, 1 / 2), (2, 23, 2 / 3)])
+def test_a_corner_shrinks_per_round(lab: SimpleNamespace, walls: int, rounds: int, share: float) -> None:
+    """Free a ball of 1 cm depth in ground and walls once 1e-2 / 2^14 < 1e-6 m, or 1e-2 (2/3)^23."""
+    world = corner_world(lab, "balanced", walls)
     assert remove(world)
-    assert lab.counters(world)["rounds"] == 14
-    np.testing.assert_allclose(world.drivers[0]["position"][[0, 2]], RADIUS - 0.01 / 2**14, rtol=1e-6)
-
-
-def test_a_corner_of_three_walls_shrinks_by_a_third(lab: SimpleNamespace) -> None:
-    """Free a ball of 1 cm depth in ground and two walls in 23 rounds: 1e-2 (2/3)^23 < 1e-6 m."""
-    world = corner_world(lab, "balanced", walls=2)
-    assert remove(world)
-    assert lab.counters(world)["rounds"] == 23
-    np.testing.assert_allclose(world.drivers[0]["position"], RADIUS - 0.01 * (2 / 3) ** 23, rtol=1e-6)
+    assert lab.counters(world)["rounds"] == rounds
+    expected = RADIUS - 0.01 * share**rounds
+    np.testing.assert_allclose(world.drivers[0]["position"][:: 3 - walls], expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("walls", [1, 2])
