@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from engine_states import last
 
-from touchstone.adapters.contract import Settings, State, Unsupported
+from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.recorder import record
 from touchstone.scenarios import scenario as s
 from touchstone.scenarios.catalogue import catalogue
@@ -18,17 +18,12 @@ from touchstone.adapters.engines.bullet.engine import BulletEngine  # noqa: E402
 
 DT, G = 1 / 240, 9.81
 RECOMMENDED = Settings("recommended", DT)
-MOVING = ((0.3, -0.2), (0.8, 0.4))
-"""First and last angles of the arm [rad]."""
-ROUNDING = 1e-9
-"""Bullet computes in doubles; a few hundred operations stay below this, relative."""
 MARGIN = 0.001
 """What Bullet adds outside a hull [m]."""
 CORNER = 1e-5
 """Bullet rounds hull corners to about 1e-4 of a size of 0.1 m [m]."""
 TENSOR = ((2.0e-4, 3.0e-5, -2.0e-5), (3.0e-5, 3.0e-4, 4.0e-5), (-2.0e-5, 4.0e-5, 2.5e-4))
 """An inertia with no axis of the body as principal axis [kg m^2]."""
-TURNED = (0.8, 0.0, 0.6, 0.0)
 CUBE = s.Hull(tuple((x, y, z) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)))
 FLOOR = s.Body("floor", "fixed", "a", (s.Piece("slab", s.Box((1.0, 1.0, 0.1)), position=(0.0, 0.0, -0.1)),))
 
@@ -51,53 +46,22 @@ def scene(*bodies, coefficients=((0.0, 0.5),), **changes):
     return s.Scenario("test", "a test", (), bodies, 1.0, pairs, **changes)
 
 
-def arm(effects=("gravity",), turn=True):
-    """Two bars and a massive root without pieces on a tracker that moves and turns; off-centre masses."""
-    bar = (s.Piece("bar", s.Box((0.05, 0.01, 0.01)), position=(0.05, 0.0, 0.0)),)
-    common = {"center_of_mass": (0.04, 0.01, -0.005), "inertia": TENSOR}
-    links = (
-        s.Body("root", "driven", "a", (), mass=2, center_of_mass=(0.01, 0.02, 0.03), inertia=diagonal(0.01)),
-        s.Body("tip", "driven", "a", bar, mass=0.1, **common),
-        s.Body("upper", "driven", "a", bar, mass=0.2, **common),
-    )
-    joints = (
-        s.Joint("elbow", "upper", "tip", (0.1, 0.0, 0.0), (0.0, 0.6, 0.8), TURNED),
-        s.Joint("shoulder", "root", "upper", (0.02, 0.01, 0.0), (0.0, 1.0, 0.0), TURNED, lower=-1.0),
-    )
-    ahead, upright = ((0.0, 0.0, 1.0), (0.1, 0.0, 1.0)), (1.0, 0.0, 0.0, 0.0)
-    turns = (upright, (0.96, 0.0, 0.28, 0.0) if turn else upright)
-    gains = {"damping": 100.0, "hinge_frequency": 30.0}
-    tracker = s.Tracker("root", ("shoulder", "elbow"), (0.0, 1.0), ahead, turns, MOVING, **gains)
-    return scene(*links, joints=joints, trackers=(tracker,), effects=effects)
-
-
-def start(scenario):
-    """A world and its first state."""
-    world, state = BulletEngine().build(scenario, RECOMMENDED), State(scenario)
-    world.read(state)
-    return world, state
-
-
-def advance(world, state, step):
-    """One step; returns the state after it."""
-    world.drive(step)
-    world.step()
-    state.clear_contacts()
-    world.read(state)
-    return state.contacts[: state.contact_count]
+def build(scenario: Scenario, profile: str = "recommended"):
+    """A world at 240 steps a second."""
+    return BulletEngine().build(scenario, Settings(profile, DT))
 
 
 def test_unsupported_scenes_are_named():
     """Pairs without factors and ellipsoids raise Unsupported and name the bodies."""
     bodies = [mover(s.Sphere(0.1), name, material=m) for name, m in zip("pqrs", "aabb")]
     with pytest.raises(Unsupported, match=r"bullet: no restitution per body .*r-s"):
-        start(scene(*bodies, coefficients=((0.5, 0.5), (0.9, 0.5), (0.0, 0.5))))
+        build(scene(*bodies, coefficients=((0.5, 0.5), (0.9, 0.5), (0.0, 0.5))))
     with pytest.raises(Unsupported, match=r"bullet: .*mover"):
-        start(scene(mover(s.Ellipsoid((0.1, 0.2, 0.3)))))
+        build(scene(mover(s.Ellipsoid((0.1, 0.2, 0.3)))))
     with pytest.raises(Unsupported, match=r"bullet: friction must be 0 or up to 10, found 12 .*floor-mover"):
-        start(scene(FLOOR, mover(s.Sphere(0.1)), coefficients=((0.5, 12.0),)))
+        build(scene(FLOOR, mover(s.Sphere(0.1)), coefficients=((0.5, 12.0),)))
     with pytest.raises(Unsupported, match="bullet: no profile 'paper'; valid: recommended, equal-step"):
-        BulletEngine().build(scene(FLOOR), Settings("paper", DT))
+        build(scene(FLOOR), "paper")
 
 
 def test_accurate_contacts_tell_no_force_of_an_earlier_step():
@@ -122,9 +86,8 @@ def test_a_body_of_many_pieces_rests_on_all_of_them():
     )
     table = mover(None, pieces=pieces, position=(0.0, 0.0, 0.05 + MARGIN), inertia=diagonal(1e-2),
                   center_of_mass=(0.05, 0.0, 0.02))  # fmt: skip
-    world, state = start(scene(table, FLOOR))
-    for step in range(240):
-        rows = advance(world, state, step)
+    state = last(BulletEngine(), scene(table, FLOOR), RECOMMENDED, 240)
+    rows = state.contacts[: state.contact_count]
     assert state.position[0] == pytest.approx([0.0, 0.0, 0.05 + MARGIN], abs=1e-4)  # erp and slop
     assert set(rows["body_a"]) == {0}
     assert -rows["impulse"][:, 2].sum() == pytest.approx(0.2 * G * DT, rel=1e-2)
@@ -142,8 +105,8 @@ def test_only_touching_pairs_collide(collide):
     tracker = s.Tracker("p", ("q", "r"), (0.0, 1.0), *still, hinge_frequency=1.0)
     effects = ("self_collision",) if collide else ()
     scenario = scene(*links, joints=joints, trackers=(tracker,), effects=effects)
-    world, state = start(scenario)
-    rows = advance(world, state, 0)
+    state = last(BulletEngine(), scenario, RECOMMENDED, 1)
+    rows = state.contacts[: state.contact_count]
     assert set(zip(rows["body_a"], rows["body_b"])) == ({(0, 2)} if collide else set())
 
 
@@ -202,7 +165,7 @@ def test_friction_along_a_diagonal_differs() -> None:
 def test_mass_properties_are_ours() -> None:
     """Read back mass and inertia of rigid bodies as the scenario gives them."""
     scenario = catalogue()["stack"]
-    reported = BulletEngine().build(scenario, Settings("maximal", 1 / 240)).describe()
+    reported = build(scenario, "maximal").describe()
     assert reported.settings[RIGID] == len(scenario.bodies)
     for body in scenario.bodies:
         if body.kind == "simulated":
@@ -218,10 +181,10 @@ def test_other_bodies_stay_multibodies() -> None:
     odd = replace(one, inertia=tuple(tuple(2 * x for x in row) for row in one.inertia))
     pebble = hull("pebble", one.material, CORNERS, 1.0, (5.0, 0.0, 5.0))
     made = scenario.reduced(bodies=(floor, odd, two, pebble), truths=(), expectations=())
-    reported = BulletEngine().build(made, Settings("maximal", 1 / 240)).describe()
+    reported = build(made, "maximal").describe()
     assert reported.settings[RIGID] == 2  # the floor and the box
     np.testing.assert_allclose(reported.bodies[odd.name].inertia, odd.inertia, rtol=1e-6)
-    snip = BulletEngine().build(catalogue()["ball_snip"], Settings("maximal", 1 / 240)).describe()
+    snip = build(catalogue()["ball_snip"], "maximal").describe()
     assert 0 < snip.settings[RIGID] < len(catalogue()["ball_snip"].bodies)
 
 
@@ -249,6 +212,6 @@ def _way_in_second_half(name: str, profile: str, *changes: str) -> float:
 )
 def test_which_bodies_have_friction_anchors(name: str, profile: str, count: int) -> None:
     """Anchors of points that stick would hold what rolls, and what a moving surface carries."""
-    world = BulletEngine().build(catalogue()[name], Settings(profile, DT))
+    world = build(catalogue()[name], profile)
     assert world.describe().settings["bodies with friction anchors"] == count
     world.close()

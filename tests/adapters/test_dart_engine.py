@@ -1,11 +1,10 @@
 """The DART adapter: conventions, masses, coefficients, drive, impulses; and DART's faults it steers round."""
 
 import dataclasses
-from collections.abc import Iterator
 
+import engine_states
 import numpy as np
 import pytest
-from engine_states import states
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Settings, State, Unsupported
@@ -61,14 +60,9 @@ def scene(*bodies: Body, coefficients=TABLE_1, duration=1.0, **more) -> Scenario
     return Scenario("test", "a test", (), bodies=bodies, coefficients=coefficients, duration=duration, **more)
 
 
-def play(scenario: Scenario, steps: int, settings: Settings = SETTINGS) -> Iterator[State]:
-    """The state before the first step and after each, always the same object."""
-    return states(dart_engine.DartEngine(), scenario, settings, steps)
-
-
 def last(scenario: Scenario, steps: int) -> State:
     """The state after so many steps."""
-    return list(play(scenario, steps))[-1]
+    return engine_states.last(dart_engine.DartEngine(), scenario, SETTINGS, steps)
 
 
 def tip(height: float) -> Body:

@@ -6,9 +6,10 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from engine_states import last
 from scipy.integrate import solve_ivp
 
-from touchstone.adapters.contract import Settings, State, Unsupported
+from touchstone.adapters.contract import Settings, Unsupported
 from touchstone.adapters.motion_bounds import planned
 from touchstone.adapters.recorder import record
 from touchstone.scenarios import scenario as sc
@@ -34,7 +35,7 @@ from touchstone.adapters.engines.mujoco.contacts import (  # noqa: E402
     restitution_of,
     solref_of,
 )
-from touchstone.adapters.engines.mujoco.engine import MujocoEngine, World  # noqa: E402
+from touchstone.adapters.engines.mujoco.engine import MujocoEngine  # noqa: E402
 from touchstone.adapters.engines.mujoco.masks import contact_filter  # noqa: E402
 from touchstone.adapters.engines.mujoco.model import add_piece  # noqa: E402
 from touchstone.adapters.engines.mujoco.settings import SETTINGS as TABLE  # noqa: E402
@@ -65,18 +66,6 @@ def free(name: str, shape: sc.Shape, z: float, **fields) -> Body:
 
 
 FLOOR = Body("floor", "fixed", "wood", (Piece("slab", Box((4.0, 3.0, 0.1)), position=(0.0, 0.0, -0.1)),))
-
-
-def play(world: World, scenario: Scenario, steps: int) -> list[State]:
-    """The states after each of some steps, the initial one first."""
-    states = [State(scenario)]
-    world.read(states[0])
-    for step in range(steps):
-        world.drive(step)
-        world.step()
-        states.append(State(scenario))
-        world.read(states[-1])
-    return states
 
 
 def test_hull_keeps_its_vertices() -> None:
@@ -182,8 +171,8 @@ def test_ball_bounces(e: float) -> None:
         for k in range(10)
     ]  # fmt: skip
     scenario = scene(FLOOR, *balls, e=e, gravity=(0.0, 0.0, 0.0))
-    states = play(ENGINE.build(scenario, SETTINGS), scenario, 40)
-    assert np.mean(states[-1].linear_velocity[1:, 2] / 2) == pytest.approx(e, abs=0.015)
+    state = last(ENGINE, scenario, SETTINGS, 40)
+    assert np.mean(state.linear_velocity[1:, 2] / 2) == pytest.approx(e, abs=0.015)
 
 
 def test_settings_are_neutral() -> None:

@@ -131,7 +131,7 @@ def test_hulls_against_the_explicit_minkowski_difference():
     assert min(seen) < -0.005 < 0.005 < max(seen)
 
 
-def crowd(lab, rng, count=24):
+def crowd(lab, rng):
     """A crowd of all shapes in a small room, some bodies of several turned and shifted pieces."""
     shapes = (
         lambda: Sphere(rng.uniform(0.02, 0.06)),
@@ -142,7 +142,7 @@ def crowd(lab, rng, count=24):
         lambda: Cylinder(*rng.uniform(0.02, 0.05, 2)),
     )
     bodies = []
-    for k in range(count):
+    for k in range(24):
         pieces = tuple(
             Piece(
                 f"{k} {j}",

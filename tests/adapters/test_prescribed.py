@@ -14,7 +14,7 @@ from touchstone.scenarios.avatar.tracking import keyframed, sample
 from touchstone.scenarios.scenario import Body, Box, Joint, Piece, Scenario, Tracker
 from touchstone.scenarios.solids import block, box_inertia
 
-DT, GRAVITY = 1 / 240, 9.81
+DT = 1 / 240
 DYNAMIC = ("mujoco", "bullet", "dart")
 PATH_ERROR = 1e-9
 """Distance of a prescribed body from its keyframes' splines [m]: rounding."""

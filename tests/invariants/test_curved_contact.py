@@ -44,8 +44,7 @@ def error(scene: Scenario, rate: int, profile: str = "balanced", *changes: str) 
     ],
 )
 def test_rotation_in_space_converges(name: str, most: float, rates: tuple[int, int], order: float) -> None:
-    """Half the step, an eighth of the error, a sixteenth where a line touches: the rotation follows the
-    angular momentum. With the mean of the angular velocities, discs were 1e-3 and ellipsoids 3e-3 m off."""
+    """Half the step, an eighth of the error, a sixteenth where a line touches."""
     scene = find(name)
     assert error(scene, 60) < most
     # without substeps of its own for the turn
@@ -65,18 +64,14 @@ def test_rotation_in_space_converges(name: str, most: float, rates: tuple[int, i
     ],
 )
 def test_rotation_about_one_axis_is_nearer(name: str, coarse: float, fine: float) -> None:
-    """Force, normal and lever that change together have their effect on impulse and way: with their means
-    alone the spheres and what follows the bowl were 4e-4, 4e-4, 3e-2, 1e-4 and 4e-3 off at 1/60 s. What rests
-    at first turns by the end of its substep, and a ball leaves, or begins to slide, within one: at its start
-    or end, the spheres were 4e-5 and 7e-5 off. In the bowl, the next ball is an obstacle, not a place to
-    which the contact moves."""
+    """Force, normal and lever that change together have their effect on impulse and way, also where a ball
+    leaves or begins to slide within a substep; the next ball in the bowl is an obstacle."""
     assert error(find(name), 60) < coarse
     assert error(find(name), 480) < fine
 
 
 def test_a_ball_leaves_early_in_a_substep() -> None:
-    """Neither law then finds a force, and the ball left at the start, 3e-6 m off. At 1/240 s it leaves in the
-    first third of one."""
+    """It leaves in the first third of a substep of 1/240 s, where neither law finds a force."""
     assert error(find("ball_off_sphere"), 240) < 1e-8
 
 

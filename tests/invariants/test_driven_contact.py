@@ -1,8 +1,4 @@
-"""What driven plates press, hold, lift and drag, against closed forms: forces, stick and slip.
-
-Each failed by orders of magnitude while driven bodies stood still in the simulated loop: plates pressed with
-4 to 8 of 10 N, held cubes fell, and loads hovered by v h.
-"""
+"""What driven plates press, hold, lift and drag, against closed forms: forces, stick and slip."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -6,8 +6,9 @@ from math import sqrt
 
 import numpy as np
 import pytest
+from engine_states import states
 
-from touchstone.adapters.contract import Settings, State
+from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
 from touchstone.reports.metrics import METRICS
@@ -22,25 +23,20 @@ RADIUS = 0.05
 OTHERS = [name for name in ENGINES if name != "reference"]
 
 
-def thrown(speed: float, gap: float, e: float, gravity: float = 0.0, duration: float = 1.0) -> Scenario:
+def thrown(speed: float, gap: float, e: float, gravity: float = 0.0) -> Scenario:
     """A ball `gap` over a floor, on its way down."""
     moving = ball("ball", "wood", RADIUS, 1.0, (0.0, 0.0, RADIUS + gap), (0.0, 0.0, -speed))
-    given = (slab("floor", "wood"), moving), duration, (PairCoefficients("wood", "wood", e, 0.5),)
+    given = (slab("floor", "wood"), moving), 1.0, (PairCoefficients("wood", "wood", e, 0.5),)
     return Scenario("thrown", "a test", (), *given, gravity=(0.0, 0.0, -gravity))
 
 
-def path(engine, scenario, dt, steps, body=1, profile="recommended"):
+def path(engine, scenario, dt, steps, profile="recommended"):
     """Heights of a body over its place on the floor and its vertical velocities, after each native step."""
-    world, state = engine.build(scenario, Settings(profile, dt)), State(scenario)
-    seen = []
-    for step in range(steps):
-        world.drive(step)
-        world.step()
-        state.clear_contacts()
-        world.read(state)
-        seen.append((state.position[body, 2] - RADIUS, state.linear_velocity[body, 2]))
-    world.close()
-    return np.array(seen).T
+    seen = [
+        (state.position[1, 2] - RADIUS, state.linear_velocity[1, 2])
+        for state in states(engine, scenario, Settings(profile, dt), steps)
+    ]
+    return np.array(seen[1:]).T
 
 
 @pytest.mark.parametrize("dt", [1 / 240, 1 / 960])

@@ -34,10 +34,7 @@ def tiles(start: float, yaw: float, mu: float) -> Scenario:
 @pytest.mark.parametrize("mu", [0.0, 0.2])
 @pytest.mark.parametrize(("start", "yaw"), [(0.0, 0.0), (0.1, 0.0), (0.0371, 0.0), (0.02, 0.3)])
 def test_a_cube_slides_over_seams(registry, start: float, yaw: float, mu: float, profile: str) -> None:
-    """It keeps its speed without friction, and brakes by mu g with it.
-
-    Before, `accurate` took every seam as an impact with the side of the next tile.
-    """
+    """It keeps its speed without friction, and brakes by mu g with it."""
     scene = tiles(start, yaw, mu)
     recording = record(registry.engine("reference"), scene, Settings(profile, 1 / 60))
     speed = recording.linear_velocity[:, -1]

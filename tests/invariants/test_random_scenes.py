@@ -105,12 +105,7 @@ def test_heaps_with_friction_beyond_mu_gain_no_energy() -> None:
 )
 def test_what_drivers_meet_gains_no_more_than_their_work(kind: str, first: int) -> None:
     """Light and stiff drivers pass through nothing and not through each other, and do the work they say;
-    limbs that bodies push pass into no other.
-
-    Before substeps were solved up to their events, bodies of seed 77710045 gained more energy than there
-    was, and a tray of seed 77710040 passed through its load; the plates of seed 77710055 passed each other,
-    and a foot of seed 98000055 sank by 17 mm into a shank.
-    """
+    limbs that bodies push pass into no other."""
     count = 16 if kind == "sweep" else 10
     assert broken(played("balanced", range(first, first + count), kind=kind)) == []
 
@@ -259,10 +254,7 @@ def test_every_frame_is_resolved(kind: str, seed: int) -> None:
 
 
 def test_separation_without_motion_lifts_little() -> None:
-    """Where no motion pays for it, separation lifts a body by a fraction of the tolerance.
-
-    Before, the heap of seed 123456454 gained 3e-6 of its energy in frame 36.
-    """
+    """Where no motion pays for it, separation lifts a body by a fraction of the tolerance."""
     assert broken(played("balanced", (123456454,)), LAWS) == []
 
 
@@ -272,11 +264,7 @@ def test_separation_without_motion_lifts_little() -> None:
     ("seed", "laws"), [(20230, ()), *((seed, LAWS) for seed in (100590, 300002, 7100668))]
 )
 def test_a_jammed_heap_ends_in_time(profile: str, seed: int, laws: tuple[str, ...]) -> None:
-    """Jammed bodies turn where they have no room to translate, and sink by a limited depth in a substep.
-
-    Before, bodies of seed 20230 overlapped by 6e-5 m, separation lifted the heap of seed 300002 (1 g under
-    10 kg) by 4 mm, a frame of seed 100590 took 6 s, and the heap of seed 7100668 gained 2e-3 of its energy.
-    """
+    """Jammed bodies turn where they have no room to translate, and sink by a limited depth in a substep."""
     assert broken(played(profile, (seed,)), laws) == []
 
 
@@ -290,10 +278,7 @@ def test_a_jammed_heap_ends_in_time(profile: str, seed: int, laws: tuple[str, ..
     ],
 )
 def test_light_bodies_in_a_heap_do_not_sink(profile: str, seed: int, perturbation: float) -> None:
-    """A body sinks by little however many events its frame has, and separation turns light ones by little.
-
-    Before, these heaps overlapped by 6 um to 1.4 mm, and one gained 7e-4 of its energy in a frame.
-    """
+    """A body sinks by little however many events its frame has, and separation turns light ones by little."""
     task = SeededTask("reference", Settings(profile, FRAME), seed, perturbation=perturbation)
     assert broken([(task, assess(reference(), task.scenario, task.settings, EXACT))]) == []
 
@@ -301,11 +286,7 @@ def test_light_bodies_in_a_heap_do_not_sink(profile: str, seed: int, perturbatio
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("seed", [864200362, 864202724])
 def test_hands_among_loose_bodies_stay_outside(profile: str, seed: int) -> None:
-    """A hand passes nothing and overlaps nothing, though a capsule is jammed between its fingers.
-
-    Before, the capsule left the second hand no free pose: it stayed 1.4 and 2.4 mm deep in the ground. Some
-    contact problems of seed 864202724 have no solution; the least residual of one is 6e-6 m/s.
-    """
+    """A hand passes nothing and overlaps nothing, though a capsule is jammed between its fingers."""
     assert broken(played(profile, (seed,)), (*LAWS, "overlap")) == []
 
 

@@ -8,24 +8,11 @@ import pytest
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.engines.reference.engine import ReferenceEngine
+from touchstone.adapters.recorder import ready
 from touchstone.reference_impl.frame import step
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import Scenario
 
 FRAME = 1 / 60
-
-
-def build(scenario: Scenario, fat_bounds: bool = True, profile: str = "balanced"):
-    """A reference engine's world."""
-    return ReferenceEngine().build(scenario, Settings(profile, FRAME, fat_bounds=fat_bounds))
-
-
-def play(world, frames: int, start: int = 0):
-    """Play frames; returns the arrays."""
-    for number in range(start, start + frames):
-        world.drive(number)
-        world.step()
-    return world._world
 
 
 def test_a_leap_out_of_the_fat_bounds_is_detected(lab: SimpleNamespace):
@@ -36,7 +23,11 @@ def test_a_leap_out_of_the_fat_bounds_is_detected(lab: SimpleNamespace):
     scene = lab.scene(*bodies, trackers=(lab.still("hand", (0.0, 0.0, 1.0)),))
     ends = []
     for fat_bounds in (True, False):
-        arrays = play(build(scene, fat_bounds), 5)
+        world = ReferenceEngine().build(scene, Settings("balanced", FRAME, fat_bounds=fat_bounds))
+        for number in range(5):
+            world.drive(number)
+            world.step()
+        arrays = world._world
         assert arrays.state[0]["driven_isolated"] == arrays.state[0]["simulated_isolated"] == fat_bounds
         for name in ("old_target_position", "target_position"):
             arrays.drivers[name] = (1.87, 0.0, 1.0)
@@ -55,8 +46,6 @@ def test_a_leap_out_of_the_fat_bounds_is_detected(lab: SimpleNamespace):
 
 def test_fat_bounds_belong_to_the_plan(registry: SimpleNamespace):
     """Use fat bounds where no effects are asked for, never with sweeps; the manifest states it."""
-    from touchstone.adapters.recorder import ready
-
     reported = {}
     for profile, effects in (("balanced", None), ("balanced", ("contact", "gravity")), ("accurate", None)):
         player = ready(

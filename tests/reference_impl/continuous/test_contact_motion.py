@@ -241,8 +241,7 @@ def test_sliding_changes_as_finite_differences_say(lab: SimpleNamespace, seed: i
 
 
 def test_a_box_that_pivots_keeps_its_edge_on_the_ground(lab: SimpleNamespace) -> None:
-    """Turn about the edge, which stays on the ground to 2e-6 m (it lifted by 8e-5 m when contacts knew no
-    rotation), and keep the energy to 0.1 % (2 % when impulses acted at the points of a substep's start)."""
+    """Turn about the edge, which stays on the ground to 2e-6 m, and keep the energy to 0.1 %."""
     half, start = (0.1, 0.05, 0.2), 0.55
     c = np.hypot(half[0], half[2])
     top = c * np.cos(np.arctan2(half[0], half[2]) - start)

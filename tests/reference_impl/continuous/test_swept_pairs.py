@@ -7,10 +7,7 @@ from touchstone.reference_impl.core.conventions import DRIVEN, SIMULATED
 
 
 def test_a_driver_in_the_loop_is_swept_where_fat_bounds_are_dropped(lab: SimpleNamespace) -> None:
-    """Find what a driven block meets a metre ahead, in the search in which a piece leaves its fat bounds.
-
-    Before, the driver's box was that of its start then, and a plate passed 9.7 mm into a box in one frame.
-    """
+    """Find what a driven block meets a metre ahead, in the search in which a piece leaves its fat bounds."""
     hand = lab.block("hand", (0.05, 0.05, 0.05), (0.0, 0.0, 0.0), kind="driven")
     tracker = lab.still("hand", (0.0, 0.0, 0.0))
     world = lab.build(lab.scene(hand, lab.ball("ball", (1.0, 0.0, 0.0)), trackers=(tracker,)))

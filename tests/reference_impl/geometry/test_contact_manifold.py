@@ -102,8 +102,7 @@ def angles_of(rows: np.ndarray, radius: float) -> np.ndarray:
 
 @pytest.mark.parametrize("corners", [64, 127, 200])
 def test_a_face_of_many_corners_spreads_its_points(lab: SimpleNamespace, corners: int) -> None:
-    """Four points about the centre of a disc of any number of corners: of 127 and more, half of the face was
-    left out, and a disc that slid dropped half of the time."""
+    """Give four points about the centre of a disc of any number of corners."""
     angles = 2 * np.pi * np.arange(corners) / corners
     rim = [(0.1 * np.cos(t), 0.1 * np.sin(t), z) for t in angles for z in (-0.01, 0.01)]
     disc = hull("disc", "wood", [tuple(map(float, point)) for point in rim], 1.0, (0.0, 0.0, 0.01 + GAP))
@@ -113,8 +112,7 @@ def test_a_face_of_many_corners_spreads_its_points(lab: SimpleNamespace, corners
 
 
 def test_corners_in_pairs_are_one() -> None:
-    """Corners within the rounding of single precision are merged: faces between them dropped most of a
-    run."""
+    """Merge corners within the rounding of single precision, between which faces may be lost."""
     box = [(x, y, z) for x in (-0.1, 0.1) for y in (-0.08, 0.08) for z in (-0.05, 0.05)]
     twice = [*box, *((x + 3e-9, y - 3e-9, z) for x, y, z in box)]
     assert distinct(tuple(twice)) == tuple(box)
@@ -130,8 +128,7 @@ def test_only_what_touches_is_in_the_manifold(lab: SimpleNamespace) -> None:
 
 
 def test_what_touches_comes_before_what_is_near(lab: SimpleNamespace) -> None:
-    """Keep both ends of the edge on which a disc of 16 corners stands, tilted so little that all its corners
-    are near: with one of them alone, it rolled into the floor and was lifted in every substep of a jam."""
+    """Keep both ends of the edge on which a disc of 16 corners stands, though all its corners are near."""
     angles = 2 * np.pi * (np.arange(16) + 0.5) / 16
     ring, tilt = [(0.1 * np.cos(a), 0.1 * np.sin(a)) for a in angles], 9e-5
     corners = [tuple(map(float, (*p, z))) for z in (-0.01, 0.01) for p in ring]

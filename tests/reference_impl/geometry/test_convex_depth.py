@@ -146,10 +146,7 @@ def test_a_pose_that_is_no_number_is_told(lab: SimpleNamespace) -> None:
 
 
 def test_a_tetrahedron_writes_nothing_beyond_the_state() -> None:
-    """Witnesses of a simplex of four vertices, which rounding can leave of an overlap, have no feature.
-
-    Before, its fourth corner was written behind the state, and two of 10,000 random runs ended in `free()`.
-    """
+    """Witnesses of a simplex of four vertices, which rounding can leave of an overlap, have no feature."""
     states = np.zeros(2, STATE)
     states[0]["corner"][:4] = 7
     states[0]["weights"] = 0.25

@@ -19,7 +19,6 @@ EXACT = 1e-11
 UNBEATEN = 1e-9
 """By how much no searched direction has a larger gap than the one that is found [m]."""
 KINDS = ("sphere", "box", "capsule", "ellipsoid", "hull", "cylinder", "cone", "rounded_box")
-LYING = Rotation.from_rotvec((0.0, np.pi / 2, 0.0))
 
 
 def support_of(piece: Piece, ways: np.ndarray) -> np.ndarray:

@@ -17,8 +17,7 @@ from touchstone.scenarios.avatar.hand import hand_parts
 from touchstone.scenarios.avatar.postures import person_tracker, reach
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.materials import TABLE_1
-from touchstone.scenarios.scenario import ORIGIN, Body, Piece, Scenario, Sphere, Tracker
-from touchstone.scenarios.solids import sphere_inertia
+from touchstone.scenarios.scenario import ORIGIN, Body, Scenario, Tracker
 
 SWEPT = ("balanced", "accurate")
 DISCRETE = "detection=discrete"
@@ -32,10 +31,9 @@ HANGING, AHEAD = (0.18, -0.22, SHOULDER[2] - 0.58), (0.45, -0.2, SHOULDER[2] - 0
 """Where a right hand hangs, and where it is held forward, from the torso [m]."""
 
 
-def driven_ball() -> Body:
+def driven_ball(lab: SimpleNamespace) -> Body:
     """A driven ball of 2 cm."""
-    shape = Piece("driven", Sphere(RADIUS))
-    return Body("driven", "driven", "wood", (shape,), mass=0.4, inertia=sphere_inertia(0.4, RADIUS))
+    return replace(lab.ball("driven", (0.0, 0.0, 0.0), radius=RADIUS, mass=0.4), kind="driven")
 
 
 def wall(lab: SimpleNamespace, half: float, kind: str = "fixed") -> Body:
@@ -46,7 +44,7 @@ def wall(lab: SimpleNamespace, half: float, kind: str = "fixed") -> Body:
 def thrown(lab: SimpleNamespace, profile: str, half: float, end, kind: str = "fixed", changes=()):
     """The world, without gravity, after one frame in which the tracker jumps from x = -0.2 to `end`."""
     tracker = lab.still("driven", (-0.2, 0.0, 0.0))
-    scenario = lab.scene(driven_ball(), wall(lab, half, kind), trackers=(tracker,), gravity=ORIGIN)
+    scenario = lab.scene(driven_ball(lab), wall(lab, half, kind), trackers=(tracker,), gravity=ORIGIN)
     world = lab.build(scenario, profile, FRAME, *changes)
     world.drivers[0]["target_position"] = end
     step(*world)
@@ -94,7 +92,7 @@ def test_sliding_is_not_held_up(lab: SimpleNamespace) -> None:
     ends = []
     for profile in ("accurate", "balanced"):
         scenario = lab.scene(
-            driven_ball(),
+            driven_ball(lab),
             wall(lab, 0.05),
             trackers=(lab.still("driven", (-0.0601, -0.5, 0.0), (-0.05, 0.5, 0.0)),),
         )

@@ -75,12 +75,12 @@ def unit(vector) -> np.ndarray:
 
 
 @st.composite
-def planes(draw, most: int = 8, closest: int = 15):
-    """Up to `most` planes: fresh ones, copies, ones nearly parallel or opposed to another, redundant ones."""
+def planes(draw):
+    """Up to eight planes: fresh ones, copies, ones nearly parallel or opposed to another, redundant ones."""
     coordinate = st.integers(-1000, 1000)
     vector = st.tuples(coordinate, coordinate, coordinate).filter(any)
     normals, depths = [unit(draw(vector))], [10 ** draw(st.floats(-7, -1))]
-    for _ in range(draw(st.integers(0, most - 1))):
+    for _ in range(draw(st.integers(0, 7))):
         like = draw(st.integers(0, len(normals) - 1))
         n, d = normals[like], depths[like]
         match draw(st.sampled_from(("fresh", "fresh", "copy", "near", "opposed", "redundant"))):
@@ -89,7 +89,7 @@ def planes(draw, most: int = 8, closest: int = 15):
             case "copy":
                 d *= draw(st.sampled_from((1.0, 1.0 + 1e-15, 1.0 - 1e-9, 2.0)))
             case "near":
-                n = unit(n + 10.0 ** -draw(st.integers(1, closest)) * unit(draw(vector)))
+                n = unit(n + 10.0 ** -draw(st.integers(1, 15)) * unit(draw(vector)))
                 d *= draw(st.sampled_from((1.0, 1.0 + 1e-14, 1.0 - 1e-9, 1.1)))
             case "opposed":
                 n = unit(-n + 10.0 ** -draw(st.integers(0, 2)) * unit(draw(vector)) * 0.9)

@@ -39,10 +39,10 @@ def test_decay_is_the_matrix_exponential(name: str, h: float) -> None:
         assert v == pytest.approx((flow @ start)[1], abs=slack * max(1.0, np.sqrt(k)))
 
 
-def driver(mass: float = 0.4, stiffness: float = 1000.0, damping: float = 40.0) -> np.ndarray:
+def driver(mass: float = 0.4) -> np.ndarray:
     """A driver at rest on its tracker in the origin."""
     rows = np.zeros(1, DRIVER)
-    rows["mass"], rows["stiffness"], rows["damping"] = mass, stiffness, damping
+    rows["mass"], rows["stiffness"], rows["damping"] = mass, 1000.0, 40.0
     for name in ("orientation", "target_orientation", "old_target_orientation"):
         rows[name] = (1, 0, 0, 0)
     return rows
