@@ -1,4 +1,4 @@
-"""The Bullet adapter: conventions, mass properties, coefficients, drive, isolation; its profile `maximal`."""
+"""The Bullet adapter: shapes, coefficients, contacts, mass properties; its profile `maximal`."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The drive `posed`: kinematic links in every engine, where their tracker shows them."""
+"""The drive `posed`: kinematic links in every engine push what they meet."""
 
 from types import SimpleNamespace
 

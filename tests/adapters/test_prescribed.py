@@ -1,4 +1,4 @@
-"""Prescribed bodies in every engine: exact poses, true velocities in contacts, no part in the coupling."""
+"""Prescribed bodies in every engine: exact poses under any load, and no part in the coupling."""
 
 from dataclasses import replace
 

@@ -83,9 +83,9 @@ def few(profile: str) -> list[Assessed]:
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_random_scenes_gain_no_energy(profile: str) -> None:
-    """Random scenes explode in no case, gain no energy, pass through nothing, and end in time."""
-    assert broken(few(profile), LAWS) == []
+def test_random_scenes_break_no_limit(profile: str) -> None:
+    """Random scenes gain no energy, pass through nothing, overlap nowhere and are solved, in time."""
+    assert broken(few(profile)) == []
 
 
 def test_heaps_with_friction_beyond_mu_gain_no_energy() -> None:
@@ -224,9 +224,11 @@ def test_jams_are_solved(kind: str, first: int) -> None:
         # a trial of a stiff damper drove a chain to 1,000 rad/s; it beats the floor 25 times in a frame, and
         # overlaps it by 1.5e-6 m in one
         ("mechanism", 7770011),
+        # where no motion pays for it, separation lifts a heap by a fraction of the tolerance
+        (None, 123456454),
     ],
 )
-def test_what_has_no_exact_solution_keeps_the_laws(kind: str, seed: int) -> None:
+def test_what_has_no_exact_solution_keeps_the_laws(kind: str | None, seed: int) -> None:
     """What cannot keep every limit gains no energy and passes through nothing."""
     assert broken(played("balanced", (seed,), kind=kind), LAWS) == []
 
@@ -251,11 +253,6 @@ def test_every_frame_is_resolved(kind: str, seed: int) -> None:
     """Scenes that once dropped as much time as their comments say drop none."""
     ((_, assessment),) = played("balanced", (seed,), kind=kind)
     assert assessment.dropped_time == 0
-
-
-def test_separation_without_motion_lifts_little() -> None:
-    """Where no motion pays for it, separation lifts a body by a fraction of the tolerance."""
-    assert broken(played("balanced", (123456454,)), LAWS) == []
 
 
 @pytest.mark.slow
@@ -290,17 +287,11 @@ def test_hands_among_loose_bodies_stay_outside(profile: str, seed: int) -> None:
     assert broken(played(profile, (seed,)), (*LAWS, "overlap")) == []
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-def test_random_scenes_break_no_limit(profile: str) -> None:
-    """They overlap nowhere, keep their momentum and are solved, too."""
-    assert broken(few(profile)) == []
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("first", range(0, SLOW_SCENES, PART))
 def test_5000_random_scenes_gain_no_energy(profile: str, first: int) -> None:
-    """The same for five thousand scenes."""
+    """Five thousand scenes gain no energy and pass through nothing."""
     assert broken(played(profile, range(first, first + PART)), LAWS) == []
 
 

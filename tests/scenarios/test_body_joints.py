@@ -1,4 +1,4 @@
-"""Joints between bodies: each fault with its place, spanning trees, and joined bodies in contact."""
+"""Joints between bodies: each fault with its place, spanning trees, loops, and who may touch."""
 
 from dataclasses import replace
 from math import cos, inf, nan, sin

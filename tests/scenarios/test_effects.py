@@ -1,4 +1,4 @@
-"""Plans: one scene per effect in which it is called for, and one in which it is not; what is asked for."""
+"""Plans: effects by a scene's numbers and reach, pieces that are kept, and what is asked for."""
 
 from types import SimpleNamespace
 

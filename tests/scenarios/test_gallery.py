@@ -1,4 +1,4 @@
-"""The catalogue: its gallery, trackers and solids; broken files are named; final positions in closed form."""
+"""The gallery's trackers; broken scene files are named; final positions in closed form."""
 
 import importlib
 import sys

@@ -1,4 +1,4 @@
-"""Truths of mechanisms against closed forms, conservation laws, other coordinates and another library.
+"""Truths of mechanisms against closed forms, other coordinates and another library.
 
 A test of one scene has its name as a parameter: the worker that runs all tests of it integrates it once.
 """

@@ -1,4 +1,4 @@
-"""The hand, its solids, the trackers' motion and the catalogue."""
+"""The hand, its solids and the catalogue."""
 
 import dataclasses
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Truths of smooth contact against closed forms, conservation laws and differences of the motion itself."""
+"""Truths of smooth contact against closed forms, laws of impact and differences of the motion itself."""
 
 from dataclasses import replace
 

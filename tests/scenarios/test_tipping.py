@@ -1,4 +1,4 @@
-"""Prisms that tip, and sliders: quadrature, conservation, Coulomb's law; bodies that start in one place."""
+"""Prisms and blocks that tip, by quadrature; bodies that start in one place."""
 
 from dataclasses import replace
 

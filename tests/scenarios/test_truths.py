@@ -1,4 +1,4 @@
-"""How bodies must move, free and on prescribed bodies: closed forms against integration and conservation."""
+"""How bodies must move, free and on prescribed bodies: closed forms against integration."""
 
 from dataclasses import replace
 

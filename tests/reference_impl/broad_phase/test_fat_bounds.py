@@ -1,4 +1,4 @@
-"""Fat bounds: pieces inside them touch nothing; a piece that leaves them is detected again."""
+"""Fat bounds: a piece that leaves them is detected again, and the plan decides whether there are any."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -169,13 +169,15 @@ SYMBOLS = (
 )
 
 
-def test_an_edited_inner_kernel_reaches_its_callers(run, package: dict[str, str]) -> None:
-    """Compile the caller again when a kernel in another file changes, and only then."""
-    assert run(CALL + COUNT, **package).split() == ["2.0", "2"]
+@pytest.mark.parametrize(("made", "kernels"), [("package", "2"), ("named", "3")])
+def test_an_edited_inner_kernel_reaches_its_callers(run, request, made: str, kernels: str) -> None:
+    """Compile the caller again when a kernel in another file changes, copied or named, and only then."""
+    package = request.getfixturevalue(made)
+    assert run(CALL + COUNT, **package).split() == ["2.0", kernels]
     assert run(CALL + COUNT, **package).split() == ["2.0", "0"]
     inner = Path(package["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
     inner.write_text(INNER.replace("1.0", "100.0"))
-    assert run(CALL + COUNT, **package).split() == ["101.0", "2"]
+    assert run(CALL + COUNT, **package).split() == ["101.0", kernels]
     inner.write_text("# comment\n" + INNER.replace("1.0", "100.0"))
     assert run(CALL + COUNT, **package).split() == ["101.0", "0"]
 
@@ -198,14 +200,6 @@ def test_a_named_kernel_is_called_after_a_load(run, named: dict[str, str]) -> No
     assert first[:2] == ["2.0", "3"]
     assert [symbol.rpartition(".")[0] for symbol in first[2:]] == ["touchstone.reference_impl.inner.inner"]
     assert run(CALL + COUNT + ";" + SYMBOLS, **named).split() == ["2.0", "0", *first[2:]]
-
-
-def test_an_edited_named_kernel_reaches_its_callers(run, named: dict[str, str]) -> None:
-    """Call the edited kernel, not the one that the cache holds."""
-    assert run(CALL, **named).split() == ["2.0"]
-    inner = Path(named["PYTHONPATH"]) / "touchstone" / "reference_impl" / "inner.py"
-    inner.write_text(INNER.replace("1.0", "100.0"))
-    assert run(CALL, **named).split() == ["101.0"]
 
 
 def test_a_kernel_may_recurse(run, named: dict[str, str]) -> None:
@@ -248,26 +242,23 @@ def test_damage_is_noticed(tmp_path: Path, damage: str) -> None:
 
 
 @pytest.mark.parametrize("kernel", ["inner", "outer"])
-def test_a_damaged_entry_is_compiled_again(run, named: dict[str, str], kernel: str) -> None:
-    """Compile a named kernel whose file is damaged before its caller is loaded, and the caller likewise."""
+@pytest.mark.parametrize("how", ["damaged", "lost", "unreadable"])
+def test_an_entry_that_cannot_be_read_is_compiled_again(run, named, kernel: str, how: str) -> None:
+    """Compile a named kernel whose file is damaged or missing before its caller is loaded, and the caller."""
     folder = Path(run(CALL + FOLDER, **named).split()[1])
     (entry,) = folder.glob(f"*{kernel}.{kernel}[.-]*.nbc")
-    entry.write_bytes(DAMAGES["halved"](entry.read_bytes()))
-    assert run(CALL + COUNT, **named).split() == ["2.0", "1"]
-    assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
-
-
-def test_a_lost_or_unreadable_entry_is_compiled_again(run, named: dict[str, str]) -> None:
-    """Compile a named kernel whose file is missing, or cannot be read, before its caller is loaded."""
-    folder = Path(run(CALL + FOLDER, **named).split()[1])
-    (entry,) = folder.glob("*inner.inner[.-]*.nbc")
+    content = entry.read_bytes()
     entry.unlink()
-    assert run(CALL + COUNT, **named).split() == ["2.0", "1"]
-    entry.unlink()
-    entry.mkdir()  # unreadable for root too
-    told, *values = run("import sys; sys.stderr = sys.stdout; " + CALL + COUNT, **named).splitlines()
-    assert values == ["2.0", "1"]
-    assert told.endswith("Is a directory; kernels compile in every process")
+    if how == "damaged":
+        entry.write_bytes(DAMAGES["halved"](content))
+    elif how == "unreadable":
+        entry.mkdir()  # for root too
+    *told, value, count = run("import sys; sys.stderr = sys.stdout; " + CALL + COUNT, **named).splitlines()
+    assert (value, count) == ("2.0", "1")
+    if how == "unreadable":
+        assert told[0].endswith("Is a directory; kernels compile in every process")
+    else:
+        assert run(CALL + COUNT, **named).split() == ["2.0", "0"]
 
 
 @pytest.mark.parametrize("call", ["write_bytes", "replace"])

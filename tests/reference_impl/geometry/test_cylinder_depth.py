@@ -1,4 +1,4 @@
-"""Depth of cylinders, cones and rounded shapes: closed forms, and the least support value over directions."""
+"""Depth of cylinders and cones: the largest gap over directions."""
 
 from types import SimpleNamespace
 

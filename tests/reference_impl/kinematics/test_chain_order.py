@@ -1,4 +1,4 @@
-"""Order of a driver's chains: every one comes up, from the generator of Park and Miller."""
+"""Order of a driver's chains: the generator of Park and Miller."""
 
 import numpy as np
 
