@@ -46,11 +46,10 @@ def loaded(lab, tracker: Tracker, mass: float = 1.0, **fields: object) -> Scenar
     return lab.scene(deck(**fields), box, mu=0.5, trackers=(tracker,))
 
 
-def settings(name: str, profile: str = "", drive: str = "native") -> Settings:
+def settings(name: str, drive: str = "native") -> Settings:
     """An engine's settings at its own step."""
-    steps = profiles_of(name, profile)
-    chosen = profile or next(iter(steps))
-    return Settings(chosen, steps[chosen], drive=drive)
+    profile, dt = next(iter(profiles_of(name).items()))
+    return Settings(profile, dt, drive=drive)
 
 
 def wandering() -> Tracker:

@@ -211,9 +211,9 @@ time.sleep(float(os.environ["SECONDS"]))
 """
 
 
-def soon(condition, patience=300.0):
+def soon(condition):
     """Whether a condition becomes true; the patience is that of a busy machine."""
-    end = time.monotonic() + patience
+    end = time.monotonic() + 300.0
     while not condition() and time.monotonic() < end:
         time.sleep(0.02)
     return condition()

@@ -48,12 +48,12 @@ def posture(**given) -> tuple[float, ...]:
     return tuple(angles.values())
 
 
-def lifted(side: str, heading: float = 0.0) -> Rotation:
-    """An arm lifted forward, a little outwards by `heading` [degrees]; on the right the mirrored one."""
-    return Rotation.from_euler("ZY", (heading if side == "left" else -heading, -80), degrees=True)
+def lifted(heading: float = 0.0) -> Rotation:
+    """The right arm lifted forward, a little outwards by `heading` [degrees]."""
+    return Rotation.from_euler("ZY", (-heading, -80), degrees=True)
 
 
-def walking(*others: Body, times, ways, angles, chains=CHAINS, effects=("gravity",)) -> Scenario:
+def walking(*others: Body, times, ways, angles) -> Scenario:
     """The person with the torso at (way, 0, 0) and these angles at these times."""
     stiffness = 73.0 * 30.0**2
     tracker = Tracker(
@@ -64,18 +64,15 @@ def walking(*others: Body, times, ways, angles, chains=CHAINS, effects=("gravity
     )
     bodies = (*BODIES, *others)
     return Scenario(
-        *("walk", "", (), bodies, times[-1], TABLE_1, JOINTS, (tracker,), chains), effects=effects
+        *("walk", "", (), bodies, times[-1], TABLE_1, JOINTS, (tracker,), CHAINS), effects=("gravity",)
     )
 
 
-def wall_push(lab: SimpleNamespace, *sides: str, elbow: float = 0.3, reach: float = 0.3, chains=CHAINS):
-    """Walk into a wall with the arms of these sides stretched forward, and back."""
-    given = {f"{side}_shoulder": lifted(side, 10) for side in sides}
-    angles = posture(**given, **{f"{side}_elbow": elbow for side in sides})
+def wall_push(lab: SimpleNamespace) -> Scenario:
+    """Walk into a wall with the right arm stretched forward, and back."""
+    angles = posture(right_shoulder=lifted(10), right_elbow=0.3)
     wall = lab.block("wall", (0.5, 3.0, 3.0), (FACE + 0.5, 0.0, 0.0), kind="fixed")
-    return walking(
-        wall, times=(0.0, 0.7, 1.0, 1.5), ways=(0.0, reach, reach, 0.0), angles=(angles,) * 4, chains=chains
-    )
+    return walking(wall, times=(0.0, 0.7, 1.0, 1.5), ways=(0.0, 0.3, 0.3, 0.0), angles=(angles,) * 4)
 
 
 def played(scenario: Scenario, profile: str = "balanced") -> Recording:
@@ -110,7 +107,7 @@ def assert_within_limits(recording: Recording, scenario: Scenario) -> None:
 @pytest.mark.parametrize("profile", COLUMNS)
 def test_a_pushed_arm_gives_way(lab: SimpleNamespace, profile: str) -> None:
     """Push an arm 30 cm into a wall: it folds, the body goes on, and no frame shows an overlap."""
-    scenario = wall_push(lab, "right")
+    scenario = wall_push(lab)
     recording = played(scenario, profile)
     assert overlap(recording, scenario).max() <= OVERLAP_TOLERANCE + ORACLE_SLACK
     assert not work(recording, "gave_up").any()
@@ -137,7 +134,7 @@ def test_a_pushed_arm_gives_way(lab: SimpleNamespace, profile: str) -> None:
 def test_a_pushed_arm_stays_near_the_best_posture(lab: SimpleNamespace, profile: str) -> None:
     """Come within 1.3 of the free posture nearest to the tracker's, by SLSQP from five starts (sum over
     frames of the distance of all angles); reach cones bind the reference alone."""
-    scenario = wall_push(lab, "right")
+    scenario = wall_push(lab)
     recording, world = played(scenario, profile), translate(scenario)
     first, last = world.drivers[0]["chains"][2]
     arm, rows = slice(first, last + 1), world.joints[first : last + 1]
@@ -217,7 +214,7 @@ def test_attraction_closes_the_gap_as_fast_as_a_lag() -> None:
 
 def test_velocities_lead_from_frame_to_frame(lab: SimpleNamespace) -> None:
     """Give links the velocities, and hinges the rates, by which they came to where they are."""
-    scenario = wall_push(lab, "right")
+    scenario = wall_push(lab)
     recording = played(scenario)
     links = len(BODIES)
     centers = np.zeros((len(recording.time), links, 3))
@@ -234,7 +231,7 @@ def test_velocities_lead_from_frame_to_frame(lab: SimpleNamespace) -> None:
 
 def test_a_struck_ball_moves_the_body_no_farther_than_its_momentum(lab: SimpleNamespace) -> None:
     """Send a ball away with a hand, whose person recoils by at most p / (m w e) under critical damping."""
-    arm = posture(right_shoulder=lifted("right"))
+    arm = posture(right_shoulder=lifted())
     ball = lab.ball(position=(0.75, -0.2, 0.58), mass=5.0)
     coming = {"times": (0.0, 0.5, 1.0), "ways": (0.0, 0.4, 0.4), "angles": (arm,) * 3}
     alone, hit = walking(**coming), walking(ball, **coming)
@@ -252,7 +249,7 @@ def test_a_struck_ball_moves_the_body_no_farther_than_its_momentum(lab: SimpleNa
 @pytest.mark.parametrize("profile", COLUMNS)
 def test_a_tracker_may_start_in_a_wall(lab: SimpleNamespace, profile: str) -> None:
     """Come out of a wall that the tracker starts in, by the first frame."""
-    arm = posture(right_shoulder=lifted("right"), right_elbow=0.3)
+    arm = posture(right_shoulder=lifted(), right_elbow=0.3)
     wall = lab.block("wall", (0.5, 3.0, 3.0), (1.1, 0.0, 0.0), kind="fixed")
     scenario = walking(wall, times=(0.0, 0.2), ways=(0.0, 0.0), angles=(arm,) * 2)
     recording = played(scenario, profile)
