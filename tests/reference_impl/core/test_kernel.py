@@ -241,8 +241,10 @@ def test_damage_is_noticed(tmp_path: Path, damage: str) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("kernel", ["inner", "outer"])
-@pytest.mark.parametrize("how", ["damaged", "lost", "unreadable"])
+@pytest.mark.parametrize(
+    ("kernel", "how"),
+    [("inner", "damaged"), ("outer", "damaged"), ("inner", "lost"), ("inner", "unreadable")],
+)
 def test_an_entry_that_cannot_be_read_is_compiled_again(run, named, kernel: str, how: str) -> None:
     """Compile a named kernel whose file is damaged or missing before its caller is loaded, and the caller."""
     folder = Path(run(CALL + FOLDER, **named).split()[1])
