@@ -1,8 +1,6 @@
-"""Plans: effects by a scene's numbers and reach, pieces that are kept, and what is asked for."""
+"""Plans: effects by a scene's laws and reach, pieces that are kept, and what is asked for."""
 
 from types import SimpleNamespace
-
-import pytest
 
 from touchstone.adapters.motion_bounds import bounds
 from touchstone.scenarios.effects import PLANNED
@@ -18,23 +16,11 @@ def reason(made: Plan, effect: str) -> str:
     return made.decisions[PLANNED.index(effect)].reason
 
 
-@pytest.mark.parametrize(
-    ("effect", "needed", "not_needed"),
-    [
-        ("gravity", {}, {"gravity": (0.0, 0.0, 0.0)}),
-        ("restitution", {"e": 0.4}, {"e": 0.0}),
-        ("friction", {"mu": 0.1}, {"mu": 0.0}),
-        ("friction", {"laws": {"rolling_friction": 1e-3}}, {"mu": 0.0}),
-        ("static_friction", {"mu": 0.1, "laws": {"static_friction": 0.2}}, {"mu": 0.1}),
-        ("rolling_friction", {"laws": {"rolling_friction": 1e-3}}, {"mu": 0.1}),
-        ("torsional_friction", {"laws": {"torsional_friction": 1e-3}}, {"mu": 0.1}),
-    ],
-)
-def test_a_ball_over_the_ground(lab: SimpleNamespace, effect: str, needed: dict, not_needed: dict) -> None:
-    """Need an effect where the scene's numbers give it something to do, and only there."""
+def test_rolling_friction_calls_for_friction(lab: SimpleNamespace) -> None:
+    """Need friction where a law beyond mu alone acts, and not without either."""
     bodies = (lab.ground(), lab.ball())
-    assert planned(lab.scene(*bodies, **needed)).on(effect)
-    assert not planned(lab.scene(*bodies, **not_needed)).on(effect)
+    assert planned(lab.scene(*bodies, laws={"rolling_friction": 1e-3})).on("friction")
+    assert not planned(lab.scene(*bodies)).on("friction")
 
 
 def test_contact_by_reach(lab: SimpleNamespace) -> None:

@@ -10,7 +10,7 @@ from touchstone.reference_impl.solver.tolerances import RESIDUAL_ACCEPTED
 HALF = 0.05
 
 
-def tower(lab: SimpleNamespace, boxes: int, top=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0), mu: float = 0.5):
+def tower(lab: SimpleNamespace, boxes: int, top=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0)):
     """A world of cubes on each other, the topmost with a velocity and a spin."""
     blocks = [
         lab.block(
@@ -22,7 +22,7 @@ def tower(lab: SimpleNamespace, boxes: int, top=(0.0, 0.0, 0.0), spin=(0.0, 0.0,
         )
         for k in range(boxes)
     ]
-    return lab.build(lab.scene(*blocks, lab.ground(), mu=mu))
+    return lab.build(lab.scene(*blocks, lab.ground(), mu=0.5))
 
 
 def assert_held(rows: np.ndarray, mu: float, left: float) -> None:
