@@ -1,8 +1,8 @@
 """The study stability: what is played, what a column survives, and whose envelope contains whose."""
 
 import pytest
+from scripted_engines import Engine
 
-from tests.reports.verdict.fake_engines import Engine
 from touchstone.adapters.contract import Settings
 from touchstone.reports.results import CONSTRUCTION, table
 from touchstone.reports.runner.tasks import own_step

@@ -44,6 +44,13 @@ def wheel(folder: Path, name: str, number: str, files: dict[str, str]) -> None:
         archive.writestr(f"{info}/RECORD", "".join(rows))
 
 
+def install_from(wheels: Path, cache: Path, patch: pytest.MonkeyPatch) -> None:
+    """Let pip find packages in a folder of wheels alone, and environments be made in a folder of caches."""
+    patch.setenv("PIP_NO_INDEX", "1")
+    patch.setenv("PIP_FIND_LINKS", str(wheels))
+    patch.setenv("XDG_CACHE_HOME", str(cache))
+
+
 @pytest.fixture
 def owned(monkeypatch, tmp_path):
     """A registered engine with an environment of its own, which pip finds in a folder."""
@@ -52,12 +59,7 @@ def owned(monkeypatch, tmp_path):
     own = {"owned_physics/__init__.py": "", "owned_physics/adapter.py": ADAPTER}
     wheel(wheels, "owned_physics", "1.0", own)
     wheel(wheels, CONFLICTING, "99.0", {f"{CONFLICTING}/__init__.py": "VERSION = '99.0'"})
-    for name, value in (
-        ("PIP_NO_INDEX", "1"),
-        ("PIP_FIND_LINKS", str(wheels)),
-        ("XDG_CACHE_HOME", str(tmp_path / "cache")),
-    ):
-        monkeypatch.setenv(name, value)
+    install_from(wheels, tmp_path / "cache", monkeypatch)
     pins = "owned_physics==1.0", f"{CONFLICTING}==99.0"
     entry = Entry("owned_physics.adapter:Engine", "owned_physics", {"default": 1 / 240}, pins=pins)
     monkeypatch.setitem(ENGINES, "owned", entry)

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_detectors import load as load_detector
+from fake_steppers import load as load_stepper
 
 from touchstone.adapters.detectors import REFERENCE
 from touchstone.adapters.recorder import warm_up
@@ -71,11 +73,11 @@ def test_exponents_of_power_laws_are_exact() -> None:
     assert times == {f"{n} vertices": pytest.approx(1e-6 * n**0.4) for n in sizes}
 
 
-def test_balls_at_rest_take_turns(fakes, shown, tmp_path: Path, monkeypatch) -> None:
+def test_balls_at_rest_take_turns(shown, tmp_path: Path, monkeypatch) -> None:
     """Time every engine at every size, the reference at more; one that dies is a row with its reason."""
     monkeypatch.setattr("touchstone.reports.bench.scaling.installed", lambda name: name != "mujoco")
     amount = Amount(balls=(2, 4), more_balls=(6,), ball_turns=2, ball_frames=3)
-    curves = balls_at_rest(amount, tmp_path, quietly, fakes[0])
+    curves = balls_at_rest(amount, tmp_path, quietly, load_stepper)
     found = {curve.engine: curve for curve in curves}
     assert found["reference"].sizes == [2, 4, 6]
     assert found["bullet"].sizes == [2, 4]
@@ -131,11 +133,13 @@ SMALL = scaling.Amount(
 )
 
 
-def test_scaling_leaves_rows_and_picture(fakes, shown, monkeypatch, tmp_path: Path) -> None:
+def test_scaling_leaves_rows_and_picture(shown, monkeypatch, tmp_path: Path) -> None:
     """Run all three on tiny sizes: rows for each, exact exponents of the fakes, a picture, all progress."""
     monkeypatch.setattr(scaling, "SUBJECTS", (REFERENCE,))
     reported: list[int] = []
-    rows = scaling.run(tmp_path / "out", lambda label, count: reported.append(count), SMALL, *fakes)
+    rows = scaling.run(
+        tmp_path / "out", lambda label, count: reported.append(count), SMALL, load_stepper, load_detector
+    )
     assert set(rows.scenario) == {BROAD_PHASE, BALLS, VERTICES}
     powers = rows[rows.metric == "scaling.exponent"].set_index(["scenario", "engine"]).value
     assert set(powers.index) >= {(BROAD_PHASE, "reference"), (BALLS, "reference")}

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_measures import fake_cells, load
+from fake_world import FakeEngine
 
 from touchstone.adapters.contract import Unsupported
 from touchstone.adapters.knobs import SettingError
@@ -25,6 +27,9 @@ from touchstone.reports.runner.sweep import (
     script,
     sweep,
 )
+
+SHARED = str(Path(__file__).parents[2] / "shared")
+"""Folder of what processes of their own import."""
 
 
 def test_a_grid_has_every_combination_once():
@@ -101,14 +106,12 @@ def test_a_dask_cluster_gives_the_rows_of_a_pool(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_cluster_keeps_going(fakes, tmp_path, monkeypatch):
+def test_a_cluster_keeps_going(tmp_path, monkeypatch):
     """A cell that crashes its worker, or hangs, is a row; all others are measured."""
     pytest.importorskip("distributed")
-    from fake_measures import load
-
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+    monkeypatch.setenv("PYTHONPATH", SHARED, prepend=os.pathsep)
     frame = sweep(
-        [cell for cell in fakes("faulty", 9) if cell.seed != 5],
+        [cell for cell in fake_cells("faulty", 9) if cell.seed != 5],
         tmp_path / "s",
         executor=lambda output: DaskPool("local", 1, output, load, 60),
     )
@@ -119,18 +122,18 @@ def test_a_cluster_keeps_going(fakes, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense"])
-def test_an_unreachable_cluster_is_one_line(fakes, tmp_path, monkeypatch, address):
+def test_an_unreachable_cluster_is_one_line(tmp_path, monkeypatch, address):
     """The address is named, and what the store holds stays."""
     pytest.importorskip("distributed")
     monkeypatch.setattr("touchstone.reports.runner.sweep.CONNECT_SECONDS", 1)
     with pytest.raises(ClusterError, match=f"^--dask {address}: cannot be reached [^\n]*$"):
-        sweep(fakes("square", 1), tmp_path / "s", executor=lambda output: DaskPool(address, 1, output))
+        sweep(fake_cells("square", 1), tmp_path / "s", executor=lambda output: DaskPool(address, 1, output))
     assert Store(tmp_path / "s").table().empty
 
 
-def test_parts_cover_all_cells_once(fakes):
+def test_parts_cover_all_cells_once():
     """Parts of an array are disjoint and complete."""
-    cells = fakes("square", 23)
+    cells = fake_cells("square", 23)
     parts = [part_of(cells, f"{k}/5") for k in range(5)]
     assert sorted((cell for part in parts for cell in part), key=lambda cell: cell.seed) == cells
     for text in ("5/5", "-1/5", "1", "a/b", "1/0", ""):
@@ -164,8 +167,6 @@ PATIENCE = 4.0
 
 def pool(jobs=1, patience=PATIENCE):
     """Executor of fake engines."""
-    from fake_measures import load
-
     return lambda output: InPool(jobs, output, load, patience)
 
 
@@ -174,19 +175,19 @@ def squares(frame):
     return dict(frame[frame.metric == "square"][["seed", "value"]].itertuples(index=False))
 
 
-def test_cells_are_played_once(fakes, tmp_path):
+def test_cells_are_played_once(tmp_path):
     """A second sweep measures only what the first did not, and returns all rows in the cells' order."""
-    sweep(fakes("square", 5), tmp_path / "s", executor=pool())
+    sweep(fake_cells("square", 5), tmp_path / "s", executor=pool())
     files = set((tmp_path / "s" / "cells").iterdir())
-    frame = sweep(fakes("square", 8), tmp_path / "s", executor=pool())
+    frame = sweep(fake_cells("square", 8), tmp_path / "s", executor=pool())
     assert squares(frame) == {k: k**2 for k in range(8)}
     assert list(dict.fromkeys(frame.seed)) == list(range(8))
     assert files < set((tmp_path / "s" / "cells").iterdir())
 
 
-def test_what_ends_a_cell_is_a_row(fakes, tmp_path):
+def test_what_ends_a_cell_is_a_row(tmp_path):
     """A crash, a hang, a divergence and an exception cost their own cell only."""
-    frame = sweep(fakes("faulty", 12), tmp_path / "s", executor=pool(2))
+    frame = sweep(fake_cells("faulty", 12), tmp_path / "s", executor=pool(2))
     runs = frame[frame.metric == "run"].set_index("seed")
     assert runs.outcome[runs.outcome != "done"].to_dict() == {
         3: "crash",
@@ -204,25 +205,24 @@ def test_what_ends_a_cell_is_a_row(fakes, tmp_path):
 SCRIPT = """
 import sys
 from pathlib import Path
-sys.path[:0] = sys.argv[1].split()
-from fake_measures import cells, load
+sys.path[:0] = [sys.argv[1]]
+from fake_measures import fake_cells, load
 from touchstone.reports.runner.sweep import InPool
 from touchstone.reports.runner.sweep import sweep
 if __name__ == "__main__":
-    sweep(cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: InPool(1, out, load))
+    sweep(fake_cells("slow", 60, ("ms=20",)), Path(sys.argv[2]), executor=lambda out: InPool(1, out, load))
 """
 
 
 @pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
-def test_a_kill_loses_cells_in_flight_only(fakes, tmp_path, kills):
+def test_a_kill_loses_cells_in_flight_only(tmp_path, kills):
     """After kill -9 at random moments the store is sound, and the next sweep plays only what is missing."""
     script, store = tmp_path / "script.py", tmp_path / "s"
     script.write_text(SCRIPT)
-    folders = f"{Path(__file__).parent} {Path(__file__).parents[2] / 'shared'}"
     before = None
     for moment in np.random.default_rng(15).uniform(0.0, 0.4, kills):
         files = set(store.glob("cells/*"))
-        process = subprocess.Popen([sys.executable, str(script), folders, str(store)], start_new_session=True)
+        process = subprocess.Popen([sys.executable, str(script), SHARED, str(store)], start_new_session=True)
         while set(store.glob("cells/*.parquet")) <= files and process.poll() is None:
             time.sleep(0.01)
         time.sleep(moment)
@@ -232,16 +232,16 @@ def test_a_kill_loses_cells_in_flight_only(fakes, tmp_path, kills):
         assert (found.groupby("cell").size() == 3).all()
         assert before is None or found[found.cell.isin(before.cell)].equals(before)
         before = found
-    after = sweep(fakes("slow", 60, ("ms=20",)), store, executor=pool())
+    after = sweep(fake_cells("slow", 60, ("ms=20",)), store, executor=pool())
     assert squares(after) == {k: k**2 for k in range(60)}
     old = after[after.cell.isin(before.cell)].sort_values(["seed", "metric"], ignore_index=True)
     assert old.equals(before.sort_values(["seed", "metric"], ignore_index=True))
 
 
-def test_files_are_merged_without_loss(fakes, tmp_path, monkeypatch):
+def test_files_are_merged_without_loss(tmp_path, monkeypatch):
     """Many small files become one; a merge that is cut off leaves every cell once."""
     store = Store(tmp_path / "s")
-    sweep(fakes("square", 30), store.folder, executor=pool())
+    sweep(fake_cells("square", 30), store.folder, executor=pool())
     rows = store.table()
     files = sorted(store.folder.glob("cells/*.parquet"))
     monkeypatch.setattr(Path, "unlink", lambda path, missing_ok=False: None)
@@ -254,31 +254,31 @@ def test_files_are_merged_without_loss(fakes, tmp_path, monkeypatch):
     assert store.table().equals(rows)
 
 
-def test_a_damaged_store_is_refused_in_one_line(fakes, tmp_path):
+def test_a_damaged_store_is_refused_in_one_line(tmp_path):
     """A half-written file, another version and a folder that is no store are named; nothing is removed."""
     store = tmp_path / "s"
-    sweep(fakes("square", 2), store, executor=pool())
+    sweep(fake_cells("square", 2), store, executor=pool())
     file = next(store.glob("cells/*.parquet"))
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(StoreError, match=f"{file.name}: not a complete Parquet file"):
-        sweep(fakes("square", 2), store, executor=pool())
+        sweep(fake_cells("square", 2), store, executor=pool())
     file.write_bytes(whole)
     (store / "store.json").write_text('{"format": 0}')
     with pytest.raises(StoreError, match="store of version 0, this program writes 1"):
-        sweep(fakes("square", 2), store, executor=pool())
+        sweep(fake_cells("square", 2), store, executor=pool())
     (store / "store.json").write_text("{")
     with pytest.raises(StoreError, match="not the description of a store"):
-        sweep(fakes("square", 2), store, executor=pool())
+        sweep(fake_cells("square", 2), store, executor=pool())
     with pytest.raises(StoreError, match=f"is no store of a sweep .it holds {store.name}"):
-        sweep(fakes("square", 2), tmp_path, executor=pool())
+        sweep(fake_cells("square", 2), tmp_path, executor=pool())
     assert [path.name for path in tmp_path.iterdir()] == [store.name]
 
 
-def test_a_full_disk_keeps_what_was_measured(fakes, tmp_path, monkeypatch):
+def test_a_full_disk_keeps_what_was_measured(tmp_path, monkeypatch):
     """A batch that cannot be written ends the sweep with one line; earlier batches stay."""
     store = Store(tmp_path / "s")
-    sweep(fakes("square", 3), store.folder, executor=pool())
+    sweep(fake_cells("square", 3), store.folder, executor=pool())
     rows = store.table()
 
     def full(table, path, **options):
@@ -287,18 +287,16 @@ def test_a_full_disk_keeps_what_was_measured(fakes, tmp_path, monkeypatch):
 
     monkeypatch.setattr("pyarrow.parquet.write_table", full)
     with pytest.raises(StoreError, match="No space left on device; what is there is kept"):
-        sweep(fakes("square", 6), store.folder, executor=pool())
+        sweep(fake_cells("square", 6), store.folder, executor=pool())
     monkeypatch.undo()
     assert store.table().equals(rows)
     assert not list(store.folder.rglob("*.part"))
 
 
-def test_ten_thousand_cells_are_resumed_at_once(fakes, tmp_path):
+def test_ten_thousand_cells_are_resumed_at_once(tmp_path):
     """10,000 finished cells are hashed, found and read in under 5 s of processor time."""
     store = Store(tmp_path / "s")
-    cells = fakes("square", 10_000)
-    from fake_measures import load
-
+    cells = fake_cells("square", 10_000)
     with store.opened():
         for first in range(0, 10_000, 100):
             store.append([play_cell(load("mujoco"), cell) for cell in cells[first : first + 100]])
@@ -308,16 +306,15 @@ def test_ten_thousand_cells_are_resumed_at_once(fakes, tmp_path):
     assert frame.cell.nunique() == 10_000
 
 
-def test_the_measure_decides_what_a_refused_warm_up_means(fakes, monkeypatch):
+def test_the_measure_decides_what_a_refused_warm_up_means(monkeypatch):
     """A process whose first scene is refused still measures: the measure says what a refusal is."""
-    from fake_world import FakeEngine
 
     class Choosy(FakeEngine):
         def build(self, scenario, settings):
             raise Unsupported("no balls")
 
     monkeypatch.setattr(executors, "_warm", set())
-    (cell,) = fakes("square", 1)
+    (cell,) = fake_cells("square", 1)
     assert play_cell(Choosy(), cell).outcome == "done"
     assert executors._warm == set()
     assert play_cell(FakeEngine(), cell).outcome == "done"

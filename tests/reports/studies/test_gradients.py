@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.registry import load
@@ -20,7 +19,6 @@ from touchstone.reports.studies.gradients import (
     report,
     rows_of_task,
 )
-from touchstone.reports.views.render import print_parts
 from touchstone.scenarios.closed_form_ends import final_positions
 
 STEP = 1e-6
@@ -56,7 +54,7 @@ def test_the_reference_equals_the_closed_forms(name):
     assert {row.verdict for row in rows if row.limit == LIMIT} == {"pass"}
 
 
-def test_a_wrong_derivative_fails_and_is_drawn(tmp_path):
+def test_a_wrong_derivative_fails_and_is_drawn(shown, tmp_path):
     """An error beyond the limit is a failed row; table and picture show it, and an engine that ended."""
     engine, profile, _ = JUDGED
     task = Task("slide", engine, Settings(profile, 1 / 60))
@@ -66,12 +64,8 @@ def test_a_wrong_derivative_fails_and_is_drawn(tmp_path):
     assert [row.subject for row in rows if row.verdict == "fail"] == ["d stop / d mu, h 0.0001"]
     rows += rows_of_task(task, Ended("error", "it broke"))
     frame = table(rows)
-    with open(tmp_path / "shown.txt", "w") as file:
-        print_parts(report(frame), Console(file=file, width=120))
-    shown = (tmp_path / "shown.txt").read_text()
-    assert "d stop / d v" in shown
-    assert "1e-09 1e-09 1e-09" in shown
-    assert "it broke" in shown
-    assert "largest of the 3 judged: 2e-05" in shown
+    text = shown(report(frame), 120)
+    for said in ("d stop / d v", "1e-09 1e-09 1e-09", "it broke", "largest of the 3 judged: 2e-05"):
+        assert said in text
     errors_picture(frame, tmp_path / "gradients.png")
     assert (tmp_path / "gradients.png").stat().st_size > 5000

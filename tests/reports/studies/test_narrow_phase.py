@@ -88,14 +88,6 @@ def test_rows_are_complete(results) -> None:
     }
 
 
-def test_a_missing_engine_is_a_skipped_row(results) -> None:
-    """Skip with the reason, once."""
-    rows = results[0][results[0].engine == ABSENT]
-    assert rows[["metric", "verdict", "reason"]].to_numpy().tolist() == [
-        ["run", "missing", "not installed (pip install no_such_package)"]
-    ]
-
-
 def test_files_are_written(results) -> None:
     """Leave table, picture, manifest and the children's output, and no other folder."""
     frame, folder = results
@@ -112,7 +104,7 @@ def test_the_terminal_shows_every_detector(results, shown) -> None:
     text = shown(report(results[0]))
     for name in (REFERENCE, OTHER, *FAMILIES):
         assert f"{name} " in text
-    assert "missing: absent default: not installed" in text
+    assert text.count("missing: absent default: not installed (pip install no_such_package)") == 1
     assert "…" not in text
 
 
@@ -197,13 +189,23 @@ def piece(shape, position=(0.0, 0.0, 0.0), orientation=(1.0, 0.0, 0.0, 0.0)) -> 
         (piece(CUBE), piece(Capsule(0.3, 1.0), (0, 0, 0.9), TURNED), -0.4, (0, 0, 1)),
         (piece(Capsule(0.3, 1.0)), piece(Capsule(0.2, 1.0), (0, 1, 0), TURNED), 0.5, (0, 1, 0)),
         (piece(Capsule(0.3, 1.0)), piece(Sphere(0.2), (0, 0, 2)), 0.5, (0, 0, 1)),
+        (piece(HalfSpace(), (0, 0, 1)), piece(Sphere(0.5), (3, 4, 2)), 0.5, (0, 0, 1)),
+        (piece(Ellipsoid((1, 2, 3)), (0, 0, 2)), piece(HalfSpace()), -1.0, (0, 0, -1)),
+        (piece(HalfSpace()), piece(Cone(0.3, 0.2), (0, 0, 0.5)), 0.3, (0, 0, 1)),
+        (piece(Ellipsoid((1, 1, 1))), piece(Ellipsoid((0.5, 0.5, 0.5)), (0, 2, 0)), 0.5, (0, 1, 0)),
+        (piece(Cone(0.3, 0.2)), piece(Sphere(0.1), (0.55, 0, 0.3)), 0.4, (0.8, 0, 0.6)),
+        (piece(Cylinder(0.5, 0.5)), piece(Sphere(0.2), (0.8, 0, 0.9)), 0.3, (0.6, 0, 0.8)),
+        (piece(Cylinder(0.5, 0.5)), piece(Cylinder(0.3, 0.4), (0.0, 0.7, 0.1)), -0.1, (0, 1, 0)),
+        (piece(RoundedBox((0.3, 0.3, 0.3), 0.1)), piece(CUBE, (0, 0, -1.5)), 0.1, (0, 0, -1)),
     ],
 )
-def test_the_truth_of_round_pieces_is_their_closed_form(a, b, distance, normal):
-    """Balls and capsules are points and segments less their radii, apart and overlapping."""
+def test_the_truth_of_curved_pieces_is_their_closed_form(a, b, distance, normal):
+    """Apart and overlapping: balls and capsules, which are points and segments less their radii, to rounding;
+    planes, cones, cylinders, ellipsoids and rounded boxes."""
     found, along = piece_distance(a, b)
-    assert found == pytest.approx(distance, abs=1e-14)
-    assert np.allclose(along, normal, atol=1e-12)
+    exact = {type(a.shape), type(b.shape)} <= {Sphere, Capsule, Box}
+    assert found == pytest.approx(distance, abs=1e-14 if exact else 1e-11)
+    assert np.allclose(along, normal, atol=1e-12 if exact else 1e-5)
 
 
 @pytest.mark.parametrize(
@@ -223,36 +225,21 @@ def test_segments_that_meet_overlap_by_both_radii(a, b):
         assert normal[2] == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("a", "b", "distance", "normal"),
-    [
-        (piece(HalfSpace(), (0, 0, 1)), piece(Sphere(0.5), (3, 4, 2)), 0.5, (0, 0, 1)),
-        (piece(Ellipsoid((1, 2, 3)), (0, 0, 2)), piece(HalfSpace()), -1.0, (0, 0, -1)),
-        (piece(HalfSpace()), piece(Cone(0.3, 0.2), (0, 0, 0.5)), 0.3, (0, 0, 1)),
-        (piece(Ellipsoid((1, 1, 1))), piece(Ellipsoid((0.5, 0.5, 0.5)), (0, 2, 0)), 0.5, (0, 1, 0)),
-        (piece(Cone(0.3, 0.2)), piece(Sphere(0.1), (0.55, 0, 0.3)), 0.4, (0.8, 0, 0.6)),
-        (piece(Cylinder(0.5, 0.5)), piece(Sphere(0.2), (0.8, 0, 0.9)), 0.3, (0.6, 0, 0.8)),
-        (piece(Cylinder(0.5, 0.5)), piece(Cylinder(0.3, 0.4), (0.0, 0.7, 0.1)), -0.1, (0, 1, 0)),
-        (piece(RoundedBox((0.3, 0.3, 0.3), 0.1)), piece(CUBE, (0, 0, -1.5)), 0.1, (0, 0, -1)),
-    ],
-)
-def test_the_truth_of_shapes_without_corners_is_their_closed_form(a, b, distance, normal):
-    """Planes, cones, cylinders, ellipsoids and rounded boxes, apart and overlapping."""
-    found, along = piece_distance(a, b)
-    assert found == pytest.approx(distance, abs=1e-11)
-    assert np.allclose(along, normal, atol=1e-5)
-
-
 def test_half_spaces_have_no_distance():
     """Two of them are refused."""
     with pytest.raises(Unsupported, match="no distance of two half-spaces"):
         piece_distance(piece(HalfSpace()), piece(HalfSpace(), (0, 0, 1)))
 
 
-def test_the_reference_is_exact_on_all_shapes(monkeypatch, tmp_path):
-    """Pairs of every two shapes, apart and overlapping, at random; qhull's planes are exact to 1e-10."""
+@pytest.fixture
+def only_reference(monkeypatch):
+    """No other detector is asked."""
     for name in DETECTORS.keys() - {"reference.exact"}:
         monkeypatch.delitem(DETECTORS, name)
+
+
+def test_the_reference_is_exact_on_all_shapes(only_reference, tmp_path):
+    """Pairs of every two shapes, apart and overlapping, at random; qhull's planes are exact to 1e-10."""
     rng = np.random.default_rng(3)
     shapes = [
         *(Sphere(0.4), Box((0.5, 0.3, 0.2)), Capsule(0.2, 0.4), Cylinder(0.3, 0.4), Cone(0.4, 0.4)),
@@ -270,11 +257,9 @@ def test_the_reference_is_exact_on_all_shapes(monkeypatch, tmp_path):
     assert errors.value.max() < 1e-8
 
 
-def test_the_reference_is_exact_on_public_reports(monkeypatch, tmp_path):
+def test_the_reference_is_exact_on_public_reports(only_reference, tmp_path):
     """Every pair has a source and a name of its own; the reference is exact to rounding. In `drake_21234`
     bodies touch to 3e-11 m: the direction from the nearest point of a hull is rounding there."""
-    for name in DETECTORS.keys() - {"reference.exact"}:
-        monkeypatch.delitem(DETECTORS, name)
     pairs = read_pairs(REPORTS)
     assert len(pairs) == 48
     assert all(pair.source.startswith("https://github.com/") for pair in pairs)

@@ -1,21 +1,13 @@
 """The soak finds a planted bug, shrinks it to its smallest scene, and writes a file that replays it."""
 
 from functools import partial
-from pathlib import Path
 
-import pytest
+from scripted_engines import load_as
 
 from touchstone.reports.studies.soak import Extent, shrunk, soak
 from touchstone.scenarios.files.named import scenes_of_file
 from touchstone.scenarios.random_scenes import random_scene
 from touchstone.scenarios.scenario import BodyJoint, Sphere
-
-
-@pytest.fixture(autouse=True)
-def _importable(monkeypatch):
-    """Let children import the fake engines of the study robustness."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
-
 
 SMALL = [k for k in range(120) if len(random_scene(k).bodies) < 4 and not random_scene(k).trackers]
 """Seeds of scenes that take little time."""
@@ -70,8 +62,6 @@ def test_tries_are_bounded():
 
 def test_a_failure_is_written_with_the_line_that_replays_it(tmp_path):
     """An engine that explodes gives a scene file, whose scene is small, and a command that names it."""
-    from fake_random_engines import load_as
-
     lines = []
     loader = partial(load_as, "explodes")
     extent = Extent(60.0, most=1, tries=12)
@@ -89,8 +79,6 @@ def test_a_failure_is_written_with_the_line_that_replays_it(tmp_path):
 
 def test_sound_scenes_leave_nothing(tmp_path):
     """Scenes without a failure are counted with their frames."""
-    from fake_random_engines import load_as
-
     found = soak(Extent(60.0, most=3), "balanced", tmp_path, print, partial(load_as, "silent"), small)
     assert found.scenes == 3
     assert found.frames == sum(small(seed).frame_count for seed in range(3))

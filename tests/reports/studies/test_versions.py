@@ -1,31 +1,18 @@
 """`touchstone versions`: environments of released versions, and what differs between them."""
 
 import shutil
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from owned_engine import install_from, wheel
 
 from touchstone.adapters.registry import ENGINES, Entry, own_environment
 from touchstone.adapters.workers.environment import VersionError, environment, installed_version
 from touchstone.adapters.workers.pip_calls import cache_folder, pip_reason
 
-HERE = str(Path(__file__).parent)
 SAME, LIGHTER, BROKEN = "1.1", "2.0", "3.0"
-
-
-def wheel(folder: Path, version: str, text: str) -> None:
-    """Write a wheel of the made-up engine's library."""
-    info = f"fake_physics-{version}.dist-info"
-    with zipfile.ZipFile(folder / f"fake_physics-{version}-py3-none-any.whl", "w") as archive:
-        archive.writestr("fake_physics.py", f"VERSION = {version!r}\n{text}\n")
-        archive.writestr(
-            f"{info}/METADATA", f"Metadata-Version: 2.1\nName: fake-physics\nVersion: {version}\n"
-        )
-        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
-        archive.writestr(f"{info}/RECORD", "")
 
 
 @pytest.fixture(scope="module")
@@ -45,14 +32,9 @@ def released(monkeypatch, tmp_path, cache):
         (LIGHTER, "FACTOR = 0.9"),
         (BROKEN, "raise ImportError('libphysics.so.3 is missing')"),
     ):
-        wheel(wheels, version, text)
-    for name, value in (
-        ("PIP_NO_INDEX", "1"),
-        ("PIP_FIND_LINKS", str(wheels)),
-        ("XDG_CACHE_HOME", str(cache)),
-    ):
-        monkeypatch.setenv(name, value)
-    monkeypatch.syspath_prepend(HERE)
+        files = {"fake_physics.py": f"VERSION = {version!r}\n{text}\n"}
+        wheel(wheels, "fake_physics", version, files)
+    install_from(wheels, cache, monkeypatch)
     entry = Entry("fake_adapter:Engine", "fake_physics", {"default": 1 / 240}, "fake-physics")
     monkeypatch.setitem(ENGINES, "faked", entry)
     return wheels

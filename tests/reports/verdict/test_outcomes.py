@@ -4,8 +4,8 @@ from dataclasses import replace
 from math import isnan
 
 import pytest
+from scripted_engines import Engine
 
-from tests.reports.verdict.fake_engines import Engine
 from touchstone.adapters.contract import Settings
 from touchstone.reports.results import UNAPPLIED, Row
 from touchstone.reports.studies.stability.play import FAILED, hard_cell, outcome, play_scenario, recordings_in

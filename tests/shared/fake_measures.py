@@ -11,7 +11,7 @@ from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.measures import Measured, base_row
 
 
-def cells(measure, count, options=()):
+def fake_cells(measure, count, options=()):
     """`count` cells that differ in their seeds."""
     cell = Cell("fall", "mujoco", "recommended", 1 / 60, measure=f"fake_measures:{measure}", options=options)
     return [replace(cell, seed=k) for k in range(count)]
