@@ -9,13 +9,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from forked_children import fork_children
-from rich.console import Console
 
 from touchstone.adapters.workers import process
+from touchstone.adapters.workers.pool import EngineServer
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
-from touchstone.reports.views.render import print_parts
+from touchstone.reports.runner.tasks import Task
+from touchstone.reports.studies import study
+from touchstone.reports.views.render import FittingConsole, print_parts
 from touchstone.scenarios.closed_form import motion
+from touchstone.scenarios.scenario import Body, Piece, Sphere
+from touchstone.scenarios.solids import sphere_inertia
 
 G = 9.81
 RADIUS = 0.05
@@ -73,13 +77,38 @@ def refused(touchstone):
     return call
 
 
+@pytest.fixture
+def without_coal(monkeypatch):
+    """The library that measures overlap cannot be imported."""
+    for name in [name for name in sys.modules if name.startswith("touchstone.adapters.oracles")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "coal", None)
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Let a study play tasks in this process on engines that all are installed: a function records a task."""
+
+    def patch(module, record):
+        monkeypatch.setattr(Task, "record", lambda task, engine: record(task))
+        for one in (module, study):
+            monkeypatch.setattr(one, "installed", lambda engine: True)
+        monkeypatch.setattr(
+            module,
+            "played",
+            lambda play, tasks, *_: [EngineServer(play, str).handle("play", task) for task in tasks],
+        )
+
+    return patch
+
+
 @pytest.fixture(scope="session")
 def shown():
     """What a report prints on a terminal of so many columns."""
 
     def show(parts, width=112):
         out = StringIO()
-        print_parts(parts, Console(width=width, file=out))
+        print_parts(parts, FittingConsole(width=width, file=out))
         return out.getvalue()
 
     return show
@@ -98,28 +127,35 @@ def bouncing(times, height, restitution):
     return gaps, speeds
 
 
-def path(scenario, index, position, velocity):
-    """Columns of a recording in which one body moves and the others stand."""
+def path(scenario, index, position=None, velocity=None, orientation=None, spin=None):
+    """Columns of a recording in which one body moves as given and the others stand."""
     frames, bodies = scenario.frame_count + 1, scenario.bodies
-    positions = np.tile([body.position for body in bodies], (frames, 1, 1))
-    velocities = np.zeros_like(positions)
-    positions[:, index], velocities[:, index] = position, velocity
-    return {"position": positions, "linear_velocity": velocities}
+    columns = {
+        name: np.tile([getattr(body, name) for body in bodies], (frames, 1, 1))
+        for name in ("position", "orientation")
+    }
+    columns |= {name: np.zeros_like(columns["position"]) for name in ("linear_velocity", "angular_velocity")}
+    for name, given in zip(columns, (position, orientation, velocity, spin)):
+        if given is not None:
+            columns[name][:, index] = given
+    return columns
 
 
 def ideal(recordings, scenario, **columns):
     """A recording in which every body moves as its truth says; other columns as given."""
     times = np.arange(scenario.frame_count + 1) / scenario.frame_rate
-    still = recordings.recording(scenario)
-    kept = {
-        name: getattr(still, name).copy()
-        for name in ("position", "orientation", "linear_velocity", "angular_velocity")
-    }
+    kept = path(scenario, 0)
     for truth in scenario.truths:
         moved, k = motion(scenario, truth, times), scenario.body_index(truth.body)
         kept["position"][:, k], kept["linear_velocity"][:, k] = moved.position, moved.velocity
         kept["orientation"][:, k], kept["angular_velocity"][:, k] = moved.orientation, moved.angular_velocity
     return recordings.recording(scenario, **(kept | columns))
+
+
+def hand(mass=1.0):
+    """A driven ball of 1 cm."""
+    tip = (Piece("tip", Sphere(0.01)),)
+    return Body("hand", "driven", "wood", tip, mass, inertia=sphere_inertia(mass, 0.01))
 
 
 def value(name, recording, scenario):
@@ -130,4 +166,5 @@ def value(name, recording, scenario):
 @pytest.fixture(scope="session")
 def known() -> SimpleNamespace:
     """The builders of this file."""
-    return SimpleNamespace(bouncing=bouncing, path=path, ideal=ideal, value=value, g=G, radius=RADIUS)
+    builders = {one.__name__: one for one in (bouncing, path, ideal, hand, value)}
+    return SimpleNamespace(**builders, g=G, radius=RADIUS)

@@ -9,11 +9,10 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.contract import Unsupported
-from touchstone.adapters.workers.pool import EngineServer
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.tasks import Task
-from touchstone.reports.studies import agreement, study
+from touchstone.reports.studies import agreement
 from touchstone.reports.studies.agreement import LADDER, Trajectory, order_of, report, run
 from touchstone.reports.studies.work_precision import points
 from touchstone.reports.studies.work_precision.points import CellRun, SweptRuns
@@ -25,12 +24,12 @@ ORDERS = {"reference": (0.0, inf), "dart": (0.0, 1.0), "bullet": (0.0, 2.0), "mu
 
 
 @pytest.fixture
-def played(recordings: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def played(recordings: SimpleNamespace, in_this_process, tmp_path: Path):
     """Run the study on the falling ball: engines play the truth, off to the side by the model's error and by
     dt to the order; one refuses steps above a length."""
 
     def play(refuse: str = "", above: float = 0.0) -> pd.DataFrame:
-        def record(task: Task, engine: None) -> object:
+        def record(task: Task) -> object:
             if task.engine == refuse and task.settings.dt > above:
                 raise Unsupported("cannot")
             still = recordings.recording(task.scenario)
@@ -42,14 +41,7 @@ def played(recordings: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, tmp_pat
                 position[1:, body, 0] += model + task.settings.dt**order
             return recordings.recording(task.scenario, position=position)
 
-        monkeypatch.setattr(Task, "record", record)
-        for module in (agreement, study):
-            monkeypatch.setattr(module, "installed", lambda engine: True)
-        monkeypatch.setattr(
-            agreement,
-            "played",
-            lambda play, tasks, *_: [EngineServer(play, str).handle("play", t) for t in tasks],
-        )
+        in_this_process(agreement, record)
         return run([catalogue()["fall"]], tmp_path / "out", lambda label, count: None)
 
     return play
@@ -76,7 +68,8 @@ def test_rounding_has_no_order() -> None:
 
 
 def test_the_parts_of_an_error_are_told_apart(played) -> None:
-    """Find each engine's model error and what its own step adds."""
+    """Find each engine's model error and what its own step adds; name the engine that stands apart, and whose
+    error does not fall."""
     frame = played()
     assert tuple(frame.columns) == COLUMNS
     fall = catalogue()["fall"]
@@ -87,25 +80,22 @@ def test_the_parts_of_an_error_are_told_apart(played) -> None:
     assert value(frame, "mujoco", "agreement.model") == pytest.approx(0.05 / way, rel=1e-6)
     own = agreement.ENGINES["mujoco"].profiles["recommended"]
     assert value(frame, "mujoco", "agreement.discretisation") == pytest.approx(own / way, rel=1e-6)
+    positions = frame[frame.subject == "position"]
+    assert list(positions[positions.metric == "agreement.outlier"].reason) == ["mujoco"]
+    models = positions[positions.metric == "agreement.model"]
+    assert list(models[models.reason.str.contains("does not fall")].engine) == ["mujoco"]
 
 
-def test_the_outlier_and_the_stubborn_are_named(played) -> None:
-    """Name the engine that stands apart, and say whose error does not fall."""
-    frame = played()
-    outlier = frame[(frame.metric == "agreement.outlier") & (frame.subject == "position")]
-    assert list(outlier.reason) == ["mujoco"]
-    models = frame[(frame.metric == "agreement.model") & (frame.subject == "position")]
-    stubborn = models[models.reason.str.contains("does not fall")]
-    assert list(stubborn.engine) == ["mujoco"]
-
-
-def test_an_engine_that_cannot_is_skipped(played) -> None:
-    """Keep a row with the reason, and the others' rows."""
+def test_an_engine_that_cannot_is_skipped(played, shown) -> None:
+    """Keep a row with the reason, and the others' rows; print both, and the mark of the outlier."""
     frame = played(refuse="dart")
     row = frame[frame.engine == "dart"]
     assert list(row.verdict) == ["skipped"]
     assert list(row.reason) == ["cannot"]
     assert value(frame, "bullet", "agreement.model") == pytest.approx(0, abs=1e-9)
+    text = shown(report(frame), 120)
+    assert "mujoco*" in text
+    assert "skipped: dart recommended fall: cannot" in text
 
 
 def test_an_engine_that_refuses_coarse_steps_is_compared_at_the_others(played) -> None:
@@ -155,10 +145,3 @@ def test_limits_of_turns_are_extrapolated() -> None:
     limit = fine.limit(coarse, 1.0)
     np.testing.assert_allclose(limit.position, 1.0, atol=1e-15)
     np.testing.assert_allclose(np.abs(limit.orientation), [[[1.0, 0.0, 0.0, 0.0]]], atol=1e-15)
-
-
-def test_the_table_tells_all(played, shown) -> None:
-    """Print every engine, its errors, marks and remarks."""
-    text = shown(report(played(refuse="dart")), 120)
-    assert "mujoco*" in text
-    assert "skipped: dart recommended fall: cannot" in text

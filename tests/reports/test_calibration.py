@@ -23,13 +23,13 @@ from touchstone.reports.studies.calibration import (
     grids,
     lowest_speed,
     page,
+    report,
     restitution_of,
     run,
     scene,
     subject_of,
     tasks,
 )
-from touchstone.reports.views.render import print_parts
 
 TINY = Requested(
     pairs=("sphere-box", "box-box"),
@@ -216,14 +216,6 @@ def test_short_hops_are_skipped(results) -> None:
     assert set(short.reason) == {"asked 0.5; a hop of less than 2 steps"}
 
 
-def test_a_missing_engine_is_a_skipped_row(results) -> None:
-    """Skip with the reason, once per profile."""
-    rows = results[0][results[0].engine == "absent"]
-    assert rows[["metric", "verdict", "reason"]].to_numpy().tolist() == [
-        ["run", "missing", "not installed (no module 'no_such_package')"]
-    ]
-
-
 def test_files_are_written(results) -> None:
     """Leave table, picture, page, manifest and the engines' output, and no other folder."""
     frame, folder = results
@@ -260,22 +252,14 @@ def test_a_probe_that_is_refused_is_one_row(tmp_path: Path) -> None:
     assert achieved.subject.tolist() == ["e=0.5 v=1"]
 
 
-def test_the_terminal_shows_asked_beside_achieved(results) -> None:
+def test_the_terminal_shows_asked_beside_achieved(results, shown) -> None:
     """Print a row per column under the values asked for, and the reason of a skipped engine."""
-    from rich.console import Console
-
-    from touchstone.reports.studies.calibration import report
-
     frame = results[0]
-    console = Console(width=112, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    print_parts(report(frame), console)
-    text = console.export_text()
-    assert "reference balanced 1/60 s" in text
-    assert "asked" in text
-    assert "missing: absent recommended: not installed" in text
+    text = shown(report(frame))
+    missing = "missing: absent recommended: not installed (no module 'no_such_package')"
+    for said in ("reference balanced 1/60 s", "asked", missing, *NOTES):
+        assert said in text
     assert "…" not in text
-    for note in NOTES:
-        assert note in text
     restitution, friction, slow, drops = grids(frame)
     assert slow.heads[1:] == ["bounce\n0.1", "slide\n0.001", "slide\nbias"]
     assert slow.rows[0][1:] == ["-", "1.000", "0.000"]

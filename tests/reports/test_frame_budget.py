@@ -8,7 +8,6 @@ import pytest
 
 from touchstone.reports.views.frame_budget import HEADS, budget_part, write_picture
 from touchstone.reports.views.pictures import grid, save
-from touchstone.reports.views.render import console, print_parts
 from touchstone.reports.views.terminal import budget_parts
 
 
@@ -72,14 +71,10 @@ def test_a_full_disk_leaves_no_part_of_a_picture(tmp_path, kind):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_the_table_is_printed_for_several_scenes(played, capsys):
+def test_the_table_is_printed_for_several_scenes(played, shown):
     """Print a line a scene; nothing for a single one, whose own table says as much."""
-    print_parts(budget_parts(played), console())
-    out = capsys.readouterr().out
+    out = shown(budget_parts(played))
     assert "frame budget" in out
     assert out.index("bare") < out.index("reach")
-    print_parts(
-        budget_parts({("reach", "reference", "balanced"): played["reach", "reference", "balanced"]}),
-        console(),
-    )
-    assert capsys.readouterr().out == ""
+    only = ("reach", "reference", "balanced")
+    assert shown(budget_parts({only: played[only]})) == ""

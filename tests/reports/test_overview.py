@@ -1,6 +1,5 @@
 """What a run of several scenes prints: the first screen, and the tables of many scenes at a glance."""
 
-from io import StringIO
 from math import nan
 from pathlib import Path
 from typing import NamedTuple
@@ -9,7 +8,6 @@ import pytest
 
 from touchstone.reports.results import Row, table
 from touchstone.reports.views import terminal
-from touchstone.reports.views.render import FittingConsole, print_parts
 from touchstone.reports.views.tables import MARKS
 from touchstone.reports.views.terminal import SCENES_IN_FULL, TOTALS, overview, report
 
@@ -175,30 +173,29 @@ def test_many_scenes_are_shown_at_a_glance(shown):
         assert text.count("metric") == (0 if count > SCENES_IN_FULL else count)
 
 
-def row_of(scene, k, metric, value=nan, verdict="pass", **more):
-    """A row of the k-th column."""
-    return Row("run", scene, *COLUMNS[k], metric, value, verdict=verdict, **more)
-
-
 def played(scene, overlap=2e-5, verdict="pass", **more):
     """Rows of a scene on both columns; the second has the overlap."""
     rows = [
         figure
         for k in (0, 1)
         for figure in (
-            row_of(scene, k, "energy.injected", 1.5e-3, unit="J"),
-            row_of(scene, k, "time.frame.median", 2e-4, "", unit="s"),
+            row(scene, k, "energy.injected", 1.5e-3, unit="J", verdict="pass"),
+            row(scene, k, "time.frame.median", 2e-4, unit="s"),
         )
     ]
-    mine = row_of(scene, 1, "overlap.max", overlap, verdict, unit="m", limit=1e-3, **more)
-    return [*rows, row_of(scene, 0, "overlap.max", 0.0, unit="m"), mine]
+    rows.append(row(scene, 0, "overlap.max", 0.0, unit="m", verdict="pass"))
+    return [*rows, row(scene, 1, "overlap.max", overlap, unit="m", limit=1e-3, verdict=verdict, **more)]
 
 
-def printed(rows, width=100):
+@pytest.fixture
+def printed(shown):
     """The lines of the first screen."""
-    text = StringIO()
-    print_parts(terminal.first_screen(table(rows), Path("runs/one")), FittingConsole(file=text, width=width))
-    return [line.rstrip() for line in text.getvalue().splitlines()]
+
+    def lines(rows, width=100):
+        text = shown(terminal.first_screen(table(rows), Path("runs/one")), width)
+        return [line.rstrip() for line in text.splitlines()]
+
+    return lines
 
 
 def line_of(lines, start):
@@ -206,9 +203,9 @@ def line_of(lines, start):
     return next(line for line in lines if line.strip().startswith(start)).split()
 
 
-def test_a_few_scenes_have_a_line_for_each_column():
+def test_a_few_scenes_have_a_line_for_each_column(printed):
     """A line has limits met, figures with the marks of their topic, and other metrics that miss a limit."""
-    gap = row_of("slide", 1, "contact.gap", 5e-3, "known", limit=1e-4, reason="soft", unit="m")
+    gap = row("slide", 1, "contact.gap", 5e-3, verdict="known", limit=1e-4, reason="soft", unit="m")
     lines = printed([*played("fall"), *played("slide", 4e-3, "known", reason="it sinks"), gap])
     assert line_of(lines, "fall") == [*("fall", "reference", "balanced", "2/2", "0", "1.50", "-", "200")]
     dart = [line.split() for line in lines if line.strip().startswith("dart")]
@@ -220,17 +217,17 @@ def test_a_few_scenes_have_a_line_for_each_column():
     assert "page: runs/one/report.html; a scene's table: touchstone run fall; all tables: --details" in text
 
 
-def test_many_scenes_have_a_line_each():
+def test_many_scenes_have_a_line_each(printed):
     """A line has limits met, the letters of topics that miss one, and the time of each column."""
     rows = [one for k in range(SCENES_IN_FULL) for one in played(f"fall_{k}")]
-    failed = [row_of("thrown", 0, "run", verdict="error", reason="diverged")]
+    failed = [row("thrown", 0, "run", verdict="error", reason="diverged")]
     lines = printed([*rows, *played("slide", 4e-3, "known", reason="it sinks"), *failed])
     assert line_of(lines, "fall_3") == ["fall_3", "2/2", "200", "2/2", "200"]
     assert line_of(lines, "slide") == ["slide", "2/2", "200", "1/2", "†o", "200"]
     assert line_of(lines, "thrown") == ["thrown", "error", "✗", "-"]
 
 
-def test_many_columns_have_a_line_each_with_their_worst_scene(monkeypatch):
+def test_many_columns_have_a_line_each_with_their_worst_scene(printed, monkeypatch):
     """Where a matrix would not be read at a glance, each column has its limits, and its worst scenes."""
     monkeypatch.setattr(terminal, "LINES", 3)
     monkeypatch.setattr(terminal, "CROWDED", 1)
@@ -240,13 +237,13 @@ def test_many_columns_have_a_line_each_with_their_worst_scene(monkeypatch):
     assert line_of(lines, "reference")[2:5] == ["4/4", "0", "fall"]
 
 
-def test_what_is_broken_comes_once_per_cause_with_its_command():
+def test_what_is_broken_comes_once_per_cause_with_its_command(printed):
     """The worst place of a cause, the others, and the command that repeats it; known failings are counted."""
     rows = [
         *played("fall", 4e-3, "fail", reason="visible"),
         *played("slide", 9e-3, "fail", reason="visible"),
-        row_of("thrown", 0, "run", verdict="error", reason="diverged"),
-        row_of("belt", 0, "run", verdict="skipped", reason="no belts"),
+        row("thrown", 0, "run", verdict="error", reason="diverged"),
+        row("belt", 0, "run", verdict="skipped", reason="no belts"),
     ]
     lines = printed(rows, 120)
     at = lines.index("✗ dart recommended, slide: overlap.max 9.00 mm, limit 1.00; also in fall: visible")
@@ -257,7 +254,7 @@ def test_what_is_broken_comes_once_per_cause_with_its_command():
 
 @pytest.mark.parametrize("width", [100, 120])
 @pytest.mark.parametrize("count", [2, SCENES_IN_FULL + 1])
-def test_it_fits_the_terminal(width, count):
+def test_it_fits_the_terminal(printed, width, count):
     """No line is longer than the terminal is wide."""
     rows = [one for k in range(count) for one in played(f"incline_slides_{k}", 1e-2, "fail", reason="x" * 90)]
     assert max(map(len, printed(rows, width))) <= width

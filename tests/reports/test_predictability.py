@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.contract import Unsupported
-from touchstone.adapters.workers.pool import EngineServer
-from touchstone.reports.runner.tasks import Task
-from touchstone.reports.studies import predictability, study
+from touchstone.reports.studies import predictability
 from touchstone.reports.studies.predictability import (
     CLOSED_FORM,
     DRAWS,
@@ -26,11 +24,11 @@ FACTORS = {"reference": 1.0, "dart": 0.5, "bullet": 40.0, "mujoco": 1.0}
 
 
 @pytest.fixture
-def played(recordings, monkeypatch, tmp_path):
+def played(recordings, in_this_process, tmp_path):
     """Run the study on the falling ball: engines end at its closed form, plus a factor times the shift."""
 
     def play(refuse=""):
-        def record(task, engine):
+        def record(task):
             if task.engine == refuse:
                 raise Unsupported("cannot")
             scene, still = catalogue()["fall"], recordings.recording(task.scenario)
@@ -39,14 +37,7 @@ def played(recordings, monkeypatch, tmp_path):
             position[-1, 0] = final_positions(scene)[0] + FACTORS[task.engine] * shift
             return recordings.recording(task.scenario, position=position)
 
-        monkeypatch.setattr(Task, "record", record)
-        for module in (predictability, study):
-            monkeypatch.setattr(module, "installed", lambda engine: True)
-        monkeypatch.setattr(
-            predictability,
-            "played",
-            lambda play, tasks, *_: [EngineServer(play, str).handle("play", t) for t in tasks],
-        )
+        in_this_process(predictability, record)
         return run([catalogue()["fall"]], 0, tmp_path / "out", lambda label, count: None)
 
     return play

@@ -1,6 +1,5 @@
 """The metric of published values, and their table on the terminal, in the report and on the page."""
 
-import io
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -14,7 +13,6 @@ from touchstone.reports.results import Row, table
 from touchstone.reports.runner.request import Request, Results
 from touchstone.reports.views.findings import PUBLISHED_TITLE, published_part
 from touchstone.reports.views.markdown import report
-from touchstone.reports.views.render import FittingConsole, print_parts
 from touchstone.scenarios.catalogue import catalogue
 
 SLIP = catalogue()["slip"]
@@ -94,27 +92,24 @@ def test_the_table():
     assert sources == [f"[1] {FIRST.source}"]
 
 
-def test_nothing_where_nothing_was_measured():
+def test_nothing_where_nothing_was_measured(shown):
     """Runs of other metrics, and of scenes without published values, have no table."""
     assert not published_part(table(rows()), [SLIP]).rows
     assert not published_part(table(rows("dart")), [catalogue()["fall"]]).rows
-    text = io.StringIO()
-    print_parts([published_part(table(rows()), [SLIP])], FittingConsole(file=text, width=112))
-    assert text.getvalue() == ""
+    assert shown([published_part(table(rows()), [SLIP])]) == ""
 
 
-def test_terminal_report_and_page():
+def test_terminal_report_and_page(shown):
     """All three have the table, the note and the sources in full."""
-    text, frame = io.StringIO(), table(rows("reference", "dart"))
-    print_parts([published_part(frame, [SLIP])], FittingConsole(file=text, width=112))
+    frame = table(rows("reference", "dart"))
     request = Request((SLIP,), (("reference", "balanced"), ("dart", "recommended")), Path("runs/one"))
     markdown = report(request, Results(frame))
     found = published_part(frame, [SLIP])
     html = page(Content("t", "good", "v", frame, published=found))
-    for shown in (text.getvalue(), markdown, html):
-        assert PUBLISHED_TITLE in shown
-        assert "1.457 ✗" in shown
-        assert " ".join(FIRST.source.split()) in " ".join(shown.split())
+    for text in (shown([found]), markdown, html):
+        assert PUBLISHED_TITLE in text
+        assert "1.457 ✗" in text
+        assert " ".join(FIRST.source.split()) in " ".join(text.split())
     assert f"## {PUBLISHED_TITLE}" in markdown
     assert 'id="published"' in html
     assert 'id="published"' not in page(Content("t", "good", "v", frame))

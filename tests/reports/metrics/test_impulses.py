@@ -12,8 +12,6 @@ from touchstone.reports.metrics.context import NotMeasured
 from touchstone.reports.results import Row
 from touchstone.reports.verdict.rows import measured
 from touchstone.scenarios.catalogue import catalogue
-from touchstone.scenarios.scenario import Body, Piece, Sphere
-from touchstone.scenarios.solids import sphere_inertia
 
 ROUNDING = 1e-12
 MU, MASS, DT = 0.5, 2.0, 1 / 240
@@ -114,8 +112,7 @@ def test_falling_and_losing_inject_nothing(lab, recordings, known):
 
 def test_the_drives_work_is_no_gift(lab, recordings, known):
     """The drive's work is taken off; where it is unknown the whole is not measured, with a reason."""
-    tip = (Piece("tip", Sphere(0.01)),)
-    hand = Body("hand", "driven", "wood", tip, MASS, inertia=sphere_inertia(MASS, 0.01))
+    hand = known.hand(MASS)
     tracker = lab.still("hand", (0.0, 0.0, 5.0))
     scenario = lab.scene(
         lab.ground(), lab.ball(mass=MASS), hand, trackers=(tracker,), effects=(), duration=0.1
@@ -139,8 +136,7 @@ def test_the_drives_work_is_no_gift(lab, recordings, known):
 @pytest.mark.parametrize("ball_first", [True, False])
 def test_a_push_of_the_hand_is_no_gift(lab, recordings, known, ball_first):
     """The work of a driven body's impulse, J (v- + v+) / 2, is taken off the simulated body's gain."""
-    tip = (Piece("tip", Sphere(0.01)),)
-    hand = Body("hand", "driven", "wood", tip, MASS, inertia=sphere_inertia(MASS, 0.01))
+    hand = known.hand(MASS)
     tracker = lab.still("hand", (0.0, 0.0, 5.0))
     pair = (lab.ball(mass=MASS), hand)
     ball = 0 if ball_first else 1

@@ -20,9 +20,8 @@ def test_truths_do_not_drift(recordings, known, name):
     scene = catalogue()[name]
     recording = known.ideal(recordings, scene)
     assert known.value("joint.drift", recording, scene)[""].value == pytest.approx(0, abs=ROUNDING)
-    if name != "chain_swings":
-        turn = known.value("joint.turn", recording, scene)[""]
-        assert getattr(turn, "value", turn) == pytest.approx(0, abs=ROUNDING)
+    turn = known.value("joint.turn", recording, scene)[""]
+    assert getattr(turn, "value", turn) == pytest.approx(0, abs=ROUNDING)
 
 
 def test_positions_count_whole_turns(recordings, known):

@@ -26,31 +26,26 @@ PHASES = (0.05, 0.35, 0.65, 0.95)
 """Share of a frame after which the ball is at the plate [1]."""
 
 
-def plate(lab, half, **fields):
-    """A plate of 80 cm by 80 cm round the origin."""
-    return lab.block("plate", (0.4, 0.4, half), (0.0, 0.0, 0.0), **({"kind": "fixed"} | fields))
+@pytest.fixture(scope="module")
+def over_plate(lab):
+    """A plate of 80 cm by 80 cm round the origin, and balls."""
+
+    def build(*balls, half=0.02, duration=0.2, **fields):
+        plate = lab.block("plate", (0.4, 0.4, half), (0.0, 0.0, 0.0), **({"kind": "fixed"} | fields))
+        return lab.scene(plate, *(balls or (lab.ball(),)), effects=(), duration=duration)
+
+    return build
 
 
-def counted(recordings, scenario, **columns):
-    """The passages of a recording; where a body moves, its velocity may be given."""
-    return len(passages(Context(recordings.recording(scenario, **columns), scenario)))
+@pytest.fixture(scope="module")
+def counted(recordings, known):
+    """How many passages a recording has in which one body moves as given, or which has given columns."""
 
+    def count(scenario, *moved, **columns):
+        given = (known.path(scenario, *moved) if moved else {}) | columns
+        return len(passages(Context(recordings.recording(scenario, **given), scenario)))
 
-def moving(scenario, index, position, velocity=0.0, orientation=None, spin=0.0):
-    """Columns of a recording in which one body moves and the others stand."""
-    frames = scenario.frame_count + 1
-    columns = {
-        "position": np.tile([body.position for body in scenario.bodies], (frames, 1, 1)),
-        "orientation": np.tile([body.orientation for body in scenario.bodies], (frames, 1, 1)),
-    }
-    columns["linear_velocity"] = np.zeros_like(columns["position"])
-    columns["angular_velocity"] = np.zeros_like(columns["position"])
-    columns["position"][:, index] = position
-    columns["linear_velocity"][:, index] = velocity
-    columns["angular_velocity"][:, index] = spin
-    if orientation is not None:
-        columns["orientation"][:, index] = orientation
-    return columns
+    return count
 
 
 def arrays(columns):
@@ -79,35 +74,35 @@ def flight(frames, start, velocity, **bounce):
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("half", PLATES)
 @pytest.mark.parametrize("speed", SPEEDS)
-def test_a_ball_through_a_plate_is_one_passage(lab, recordings, speed, half, phase):
+def test_a_ball_through_a_plate_is_one_passage(over_plate, counted, speed, half, phase):
     """A ball that goes straight through a plate passes it once, at any speed and phase of the frame."""
-    scenario = lab.scene(plate(lab, half), lab.ball(), effects=(), duration=0.2)
+    scenario = over_plate(half=half)
     slanted = np.array((0.2, 0.1, -1.0)) * speed
     start = -slanted * FRAME * (5 + phase)
     position, velocity = flight(13, start, slanted)
-    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 1
+    assert counted(scenario, 1, position, velocity) == 1
     # seen from below, and by an engine that slows the ball down in the plate
     slow = np.where(np.arange(13)[:, None] <= 5 + phase, 1.0, 0.3)
-    columns = moving(scenario, 1, -np.where(slow == 1, position, 0.3 * position), -slow * velocity)
-    assert counted(recordings, scenario, **columns) == 1
+    below = -np.where(slow == 1, position, 0.3 * position)
+    assert counted(scenario, 1, below, -slow * velocity) == 1
 
 
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("half", PLATES)
 @pytest.mark.parametrize("speed", SPEEDS)
-def test_a_bounce_is_no_passage(lab, recordings, speed, half, phase):
+def test_a_bounce_is_no_passage(over_plate, counted, speed, half, phase):
     """A ball that comes back to the side it came from did not pass, however far it goes in a frame."""
-    scenario = lab.scene(plate(lab, half), lab.ball(), effects=(), duration=0.2)
+    scenario = over_plate(half=half)
     down = np.array((0.1, 0.0, -1.0)) * speed
     for restitution in (0.8, 0.01):
         start = np.array((0.0, 0.0, half + RADIUS)) - down * FRAME * (5 + phase)
         bounce = {"at": 5 + phase, "after": down * (1, 1, -restitution)}
         position, velocity = flight(13, start, down, **bounce)
-        assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+        assert counted(scenario, 1, position, velocity) == 0
 
 
 @pytest.mark.parametrize("speed", [2.5, 3.0, 6.0])
-def test_a_hand_through_its_table(recordings, speed):
+def test_a_hand_through_its_table(counted, speed):
     """A hand whose parts all go through a table of 4 cm is counted; one that stops on it is not."""
     links, joints = hand_parts()
     names = tuple(joint.name for joint in joints)
@@ -124,9 +119,9 @@ def test_a_hand_through_its_table(recordings, speed):
     height = 0.3 - speed * FRAME * frames
     path = np.column_stack((np.zeros((16, 2)), height))
     down = np.tile((0.0, 0.0, -speed), (16, 1))
-    assert counted(recordings, scenario, **moving(scenario, 1, path, down)) == 1
+    assert counted(scenario, 1, path, down) == 1
     stopped = np.maximum(path, (-1.0, -1.0, 0.04))
-    assert counted(recordings, scenario, **moving(scenario, 1, stopped, down)) == 0
+    assert counted(scenario, 1, stopped, down) == 0
 
 
 def rod(position=(0.0, 0.0, 0.0), **fields):
@@ -144,61 +139,65 @@ def spun(frames, rate, start=0.0):
 
 
 @pytest.mark.parametrize("rate", [2.0, 30.0, 100.0, 200.0])
-def test_a_spinning_rod_that_sweeps_through_a_ball(lab, recordings, rate):
+def test_a_spinning_rod_that_sweeps_through_a_ball(lab, counted, rate):
     """Both ends of a rod that turns go through a ball in its reach, none through one beyond or above it."""
     frames = round(60 * 1.2 * pi / rate) + 2
     rate, start = 1.2 * pi / ((frames - 1) * FRAME), -0.1 * pi  # 1.2 half turns in whole frames
     for place, passed in (((0.4, 0, 0), 2), ((0.3, 0.0, 0.01), 2), ((0.57, 0, 0), 0), ((0.4, 0.0, 0.07), 0)):
         scenario = lab.scene(rod(), lab.ball(position=place), effects=(), duration=(frames - 1) * FRAME)
         turned, spin = spun(frames, rate, start), (0.0, 0.0, rate)
-        columns = moving(scenario, 0, (0.0, 0.0, 0.0), orientation=turned, spin=spin)
-        assert counted(recordings, scenario, **columns) == passed
+        assert counted(scenario, 0, (0.0, 0.0, 0.0), 0.0, turned, spin) == passed
 
 
-def two_balls(lab, recordings, ways, starts, bounce=None):
+@pytest.fixture
+def two_balls(lab, known, counted):
     """Passages of two balls that fly, from starts with velocities; a bounce as in `flight` for each."""
-    balls = lab.ball("one", (0.0, 0.0, 1.0)), lab.ball("two", (0.0, 0.0, 2.0))
-    scenario = lab.scene(*balls, effects=(), duration=0.1)
-    columns = moving(scenario, 0, 0.0)
-    for k in (0, 1):
-        hit = {"at": bounce, "after": ways[1 - k]} if bounce else {}
-        columns["position"][:, k], columns["linear_velocity"][:, k] = flight(7, starts[k], ways[k], **hit)
-    return counted(recordings, scenario, **columns)
+
+    def count(ways, starts, bounce=None):
+        balls = lab.ball("one", (0.0, 0.0, 1.0)), lab.ball("two", (0.0, 0.0, 2.0))
+        scenario = lab.scene(*balls, effects=(), duration=0.1)
+        columns = known.path(scenario, 0)
+        for k in (0, 1):
+            hit = {"at": bounce, "after": ways[1 - k]} if bounce else {}
+            columns["position"][:, k], columns["linear_velocity"][:, k] = flight(7, starts[k], ways[k], **hit)
+        return counted(scenario, **columns)
+
+    return count
 
 
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("speed", [6.0, 100.0, 3000.0])
-def test_two_fast_balls(lab, recordings, speed, phase):
+def test_two_fast_balls(two_balls, speed, phase):
     """Two balls that go through each other pass; that bounce, miss, or cross one after the other do not."""
     east, west, north = np.eye(3)[0] * speed, -np.eye(3)[0] * speed, np.eye(3)[1] * speed
     meet = (2 + phase) * FRAME
     aside = np.array((0.0, 0.12, 0.0))
-    assert two_balls(lab, recordings, (east, west), (-east * meet, -west * meet)) == 1
-    assert two_balls(lab, recordings, (east, north), (-east * meet, -north * meet)) == 1
-    assert two_balls(lab, recordings, (east, west), (-east * meet, -west * meet + aside)) == 0
+    assert two_balls((east, west), (-east * meet, -west * meet)) == 1
+    assert two_balls((east, north), (-east * meet, -north * meet)) == 1
+    assert two_balls((east, west), (-east * meet, -west * meet + aside)) == 0
     late = meet + 0.2 / speed
-    assert two_balls(lab, recordings, (east, north), (-east * meet, -north * late)) == 0
+    assert two_balls((east, north), (-east * meet, -north * late)) == 0
     gap = np.array((-RADIUS, 0.0, 0.0))
     starts = (gap - east * meet, -gap - west * meet)
-    assert two_balls(lab, recordings, (east, west), starts, bounce=2 + phase) == 0
+    assert two_balls((east, west), starts, bounce=2 + phase) == 0
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
-def test_a_graze_is_no_passage(lab, recordings, speed):
+def test_a_graze_is_no_passage(over_plate, counted, speed):
     """Along a face, a few millimetres deep, and over a corner of it: no passage."""
-    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.2)
+    scenario = over_plate()
     along = np.array((speed, 0.0, 0.0))
     position, velocity = flight(13, (-5.3 * speed * FRAME, 0.0, 0.067), along)
-    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+    assert counted(scenario, 1, position, velocity) == 0
     slanted = np.array((0.7, 0.0, -0.7)) * speed
     position, velocity = flight(13, np.array((0.42, 0.0, 0.05)) - 5.3 * FRAME * slanted, slanted)
-    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+    assert counted(scenario, 1, position, velocity) == 0
 
 
 @pytest.mark.parametrize("seconds", [1 / 60, 2 / 60, 0.2])
-def test_round_an_edge_is_no_passage(lab, recordings, seconds):
+def test_round_an_edge_is_no_passage(over_plate, counted, seconds):
     """From over a plate to under it on a half circle round its edge, in one frame or in many."""
-    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.4)
+    scenario = over_plate(duration=0.4)
     frames = np.arange(scenario.frame_count + 1)
     radius = 0.02 + RADIUS + 1e-4
     for shift in (0.0, 0.3, 0.7):
@@ -211,10 +210,10 @@ def test_round_an_edge_is_no_passage(lab, recordings, seconds):
         position[:, 0] -= 0.02 * (np.abs(before) + after)
         speeds = np.where(rate > 0, 0.0, radius * pi / seconds)
         velocity[:, 0] += speeds * np.where(angle > 0, -1.0, 1.0)
-        assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+        assert counted(scenario, 1, position, velocity) == 0
 
 
-def test_over_a_spinning_capsule_is_no_passage(lab, recordings):
+def test_over_a_spinning_capsule_is_no_passage(lab, recordings, counted):
     """A fingertip goes over a capsule at 100 rad/s within a frame: the chord leads through the capsule, the
     velocities after the frame along its surface (random scene 8186 of kind press)."""
     links, _ = hand_parts()
@@ -244,11 +243,11 @@ def test_over_a_spinning_capsule_is_no_passage(lab, recordings):
     }
     told = recordings.contacts({"time": 1e-3, "body_a": 0, "body_b": 1, "normal": (-0.18, 0.51, 0.84)})
     turned = arrays(columns)
-    assert counted(recordings, scenario, **turned, contacts=told) == 0
-    assert counted(recordings, scenario, **turned) == 1  # no contact reported: nothing turned it aside
+    assert counted(scenario, **turned, contacts=told) == 0
+    assert counted(scenario, **turned) == 1  # no contact reported: nothing turned it aside
 
 
-def test_tumbling_past_each_other_is_no_passage(lab, recordings):
+def test_tumbling_past_each_other_is_no_passage(lab, counted):
     """A capsule that tumbles by half a revolution a frame flies past a spinning disc: torque-free rotation
     keeps them 12 mm apart, constant spins lead both in (random scene 135793329)."""
     pieces = Piece("disc", Ellipsoid((0.03936, 0.0131, 0.03933))), Piece("capsule", Capsule(0.00809, 0.03127))
@@ -272,73 +271,71 @@ def test_tumbling_past_each_other_is_no_passage(lab, recordings):
             [(7.65793, -20.524, 80.29797), (183.73794, 100.87717, -112.12722)],
         ],
     }
-    assert counted(recordings, scenario, **{name: np.array(values) for name, values in columns.items()}) == 0
+    assert counted(scenario, **arrays(columns)) == 0
 
 
-def test_to_end_inside_is_no_passage(lab, recordings):
+def test_to_end_inside_is_no_passage(over_plate, counted):
     """A ball that sinks into a plate and stays, or that started there and leaves, is not through; nor is one
     that sinks to the middle and comes back."""
-    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=10 * FRAME)
+    scenario = over_plate(duration=10 * FRAME)
     down = np.linspace(0.2, -0.06, 11)
     back = np.concatenate((np.linspace(0.2, -0.005, 6), np.linspace(0.02, 0.2, 5)))
     for height in (down, -down[::-1], np.maximum(down, 0.0), back):
         position = np.column_stack((np.zeros((11, 2)), height))
         velocity = np.gradient(position, FRAME, axis=0)
-        assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+        assert counted(scenario, 1, position, velocity) == 0
     through = np.column_stack((np.zeros((11, 2)), np.linspace(0.2, -0.08, 11)))
-    assert counted(recordings, scenario, **moving(scenario, 1, through)) == 1
+    assert counted(scenario, 1, through) == 1
 
 
-def test_what_stands_on_a_plate_can_pass_it(lab, recordings):
+def test_what_stands_on_a_plate_can_pass_it(over_plate, counted):
     """A ball that rests on a plate, a thousandth of it deep, and is under it in the next frame passed."""
-    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.1)
+    scenario = over_plate(duration=0.1)
     height = np.array([0.07, 0.07, 0.07, -0.09, -0.2, -0.3, -0.4]) - 7e-5
     position = np.column_stack((np.zeros((7, 2)), height))
-    assert counted(recordings, scenario, **moving(scenario, 1, position)) == 1
+    assert counted(scenario, 1, position) == 1
 
 
-def test_no_contact_reported_convicts(lab, recordings):
+def test_no_contact_reported_convicts(recordings, known, over_plate, counted):
     """Hit under the plate with an ambiguous path: a passage if no contact with the plate is reported."""
-    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=2 * FRAME)
+    scenario = over_plate(duration=2 * FRAME)
     position = np.array([(0.0, 0.0, 25.0), (0.0, 0.0, -5.0), (0.0, 0.0, -4.0)])
     velocity = np.array([(0.0, 0.0, -3000.0), (0.0, 0.0, 60.0), (0.0, 0.0, 60.0)])
-    columns = moving(scenario, 1, position, velocity)
-    assert counted(recordings, scenario, **columns) == 1
+    columns = known.path(scenario, 1, position, velocity)
+    assert counted(scenario, **columns) == 1
     told = recordings.contacts({"time": 1e-3, "body_a": 0, "body_b": 1, "normal": (0.0, 0.0, 1.0)})
-    assert counted(recordings, scenario, **columns, contacts=told) == 0
+    assert counted(scenario, **columns, contacts=told) == 0
 
 
 @pytest.mark.parametrize(("down", "expected"), [(1.5, 1), (0.6, 0)])
-def test_a_body_struck_often_has_no_known_path(lab, recordings, down, expected):
+def test_a_body_struck_often_has_no_known_path(recordings, known, over_plate, counted, down, expected):
     """Both velocities lead through the plate; a displacement that neither explains shows other impacts."""
-    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=2 * FRAME)
+    scenario = over_plate(duration=2 * FRAME)
     position = np.array([(0.0, 0.0, z) for z in (0.3, 0.3 - down, -1.2 - down)])
-    columns = moving(scenario, 1, position, (0.0, 0.0, -1.5 / FRAME))
+    columns = known.path(scenario, 1, position, (0.0, 0.0, -1.5 / FRAME))
     told = recordings.contacts({"time": 1e-3, "body_a": 0, "body_b": 1, "normal": (0.0, 0.0, 1.0)})
-    assert counted(recordings, scenario, **columns, contacts=told) == expected
+    assert counted(scenario, **columns, contacts=told) == expected
 
 
-def test_a_body_struck_aside_counts_no_passage(lab, recordings):
+def test_a_body_struck_aside_counts_no_passage(over_plate, counted):
     """No contact with the plate is reported, but others struck the ball: it may have gone round."""
-    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=2 * FRAME)
+    scenario = over_plate(duration=2 * FRAME)
     position = np.array([(0.0, 0.0, 0.3), (0.0, 0.0, -0.3), (1.0, 0.0, -0.3)])
     velocity = np.array([(0.0, 0.0, -1.5), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)]) / FRAME
-    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 0
+    assert counted(scenario, 1, position, velocity) == 0
 
 
-def test_pieces_of_a_body_pass_together(lab, recordings):
+def test_pieces_of_a_body_pass_together(lab, known, over_plate, counted):
     """A body of two balls that goes through a plate passes once; two bodies twice."""
     dumbbell = lab.ball("dumbbell")
     ends = [replace(dumbbell.pieces[0], name=f"{x}", position=(x, 0.0, 0.0)) for x in (-0.06, 0.06)]
-    scenario = lab.scene(plate(lab, 0.02), replace(dumbbell, pieces=tuple(ends)), effects=(), duration=0.1)
+    scenario = over_plate(replace(dumbbell, pieces=tuple(ends)), duration=0.1)
     position, velocity = flight(7, (0.0, 0.0, 0.3), (0.0, 0.0, -6.0))
-    assert counted(recordings, scenario, **moving(scenario, 1, position, velocity)) == 1
-    scenario = lab.scene(
-        plate(lab, 0.02), lab.ball("one"), lab.ball("two", (0.2, 0.0, 1.0)), effects=(), duration=0.1
-    )
-    columns = moving(scenario, 1, position, velocity)
+    assert counted(scenario, 1, position, velocity) == 1
+    scenario = over_plate(lab.ball("one"), lab.ball("two", (0.2, 0.0, 1.0)), duration=0.1)
+    columns = known.path(scenario, 1, position, velocity)
     columns["position"][:, 2] = position + (0.2, 0.0, 0.0)
-    assert counted(recordings, scenario, **columns) == 2
+    assert counted(scenario, **columns) == 2
 
 
 @pytest.mark.parametrize(
@@ -353,44 +350,42 @@ def test_pieces_of_a_body_pass_together(lab, recordings):
         ((0.0, 0.0, -0.25), (0.0, 0.0, 0.5), 1),  # from below
     ],
 )
-def test_ways_by_a_plate(lab, recordings, start, way, expected):
+def test_ways_by_a_plate(over_plate, counted, start, way, expected):
     """A ball without any velocity told passes where its places say so, however fast."""
     duration = 1.0 if way[2] == -0.01 else 2 / 60
-    scenario = lab.scene(plate(lab, 0.005), lab.ball(position=start), effects=(), duration=duration)
+    scenario = over_plate(half=0.005, duration=duration)
     frames = np.arange(scenario.frame_count + 1)
-    columns = moving(scenario, 1, np.array(start) + np.outer(frames, way))
-    assert counted(recordings, scenario, **columns) == expected
+    assert counted(scenario, 1, np.array(start) + np.outer(frames, way)) == expected
 
 
-def test_there_and_back_are_two(lab, recordings):
+def test_there_and_back_are_two(over_plate, counted):
     """A plate that stands upright is passed, and passed again."""
     turn = (0.5**0.5, 0.5**0.5, 0.0, 0.0)
-    scenario = lab.scene(plate(lab, 0.005, orientation=turn), lab.ball(), effects=(), duration=2 / 60)
+    scenario = over_plate(half=0.005, duration=2 / 60, orientation=turn)
     position = np.array([[0.0, 0.2, 0.1], [0.0, -0.2, 0.1], [0.0, 0.2, 0.1]])
-    assert counted(recordings, scenario, **moving(scenario, 1, position)) == 2
+    assert counted(scenario, 1, position) == 2
 
 
-def test_a_plate_that_moves_over_a_ball_passes(lab, recordings):
+def test_a_plate_that_moves_over_a_ball_passes(lab, known, over_plate, counted):
     """It does not matter which of two moves, nor whether both fall."""
-    thin = plate(lab, 5e-4, kind="simulated")
-    scenario = lab.scene(thin, lab.ball(position=(0.0, 0.0, 0.5)), effects=(), duration=0.2)
+    scenario = over_plate(lab.ball(position=(0.0, 0.0, 0.5)), half=5e-4, kind="simulated")
     position, velocity = flight(13, (0.0, 0.0, -1.0), (0.0, 0.0, 9.0))
-    assert counted(recordings, scenario, **moving(scenario, 0, position, velocity)) == 1
-    columns = moving(scenario, 0, position + velocity / 3, velocity)
+    assert counted(scenario, 0, position, velocity) == 1
+    columns = known.path(scenario, 0, position + velocity / 3, velocity)
     columns["position"][:, 1], columns["linear_velocity"][:, 1] = flight(13, (0, 0, 0.5), (0, 0, 8.9))
-    assert counted(recordings, scenario, **columns) == 0
+    assert counted(scenario, **columns) == 0
 
 
-def test_the_first_passage_is_named(lab, recordings, known):
+def test_the_first_passage_is_named(recordings, known, over_plate):
     """The metric counts passages and names the first, with its time."""
-    scenario = lab.scene(plate(lab, 0.02), lab.ball(), effects=(), duration=0.2)
+    scenario = over_plate()
     position, velocity = flight(13, (0.0, 0.0, 0.45), (0.0, 0.0, -6.0))
-    columns = moving(scenario, 1, position, velocity)
+    columns = known.path(scenario, 1, position, velocity)
     found = known.value("overlap.tunnelled", recordings.recording(scenario, **columns), scenario)[""]
     assert found == Value(1.0, "first plate through ball at 0.075 s")
 
 
-def test_a_spinning_needle_is_far_from_a_plate(lab, recordings):
+def test_a_spinning_needle_is_far_from_a_plate(lab, counted):
     """A needle turns about its length by a revolution a frame, 2 cm from a thin plate. The shortest rotation
     between the frames has another axis, and with a revolution about that the needle would sweep the plate."""
     sizes = {"needle": (3.2e-4, 3.2e-4, 0.0323), "plate": (0.0226, 0.0226, 1.6e-4)}
@@ -414,5 +409,4 @@ def test_a_spinning_needle_is_far_from_a_plate(lab, recordings):
             [(677.33, -921.33, -1029.62), (0.0, 0.0, 0.0)],
         ],
     }
-    turned = arrays(columns)
-    assert counted(recordings, scenario, **turned) == 0
+    assert counted(scenario, **arrays(columns)) == 0

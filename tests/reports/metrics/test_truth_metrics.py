@@ -1,6 +1,5 @@
 """Metrics against the closed form, on recordings that follow it, and that leave it by a known amount."""
 
-import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from touchstone.reports.metrics.context import NotMeasured
 from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.closed_form import flips
+from touchstone.scenarios.families.roll import rolling
 
 PROBES = [scenario.name for scenario in tagged("probe")]
 OF_TRUTH = ("truth.position", "truth.velocity", "truth.orientation", "truth.spin")
@@ -100,8 +101,6 @@ def test_flips_that_come_late_or_never(recordings, known):
         scenario, bodies=(replace(scenario.bodies[0], angular_velocity=(0.1 / 1.01, 6 / 1.01, 0.1 / 1.01)),)
     )
     late = known.ideal(recordings, slow)
-    from touchstone.scenarios.closed_form import flips
-
     last = flips(scenario, scenario.truths[0])[-1]
     assert known.value("rotation.flip", late, scenario)["box"] == pytest.approx(0.01 * last, abs=1e-5)
     steady = replace(
@@ -192,8 +191,6 @@ def test_slip_that_ends_late(recordings, known):
     """Friction at 0.8 of mu ends the slip 1.25 times as late; a ball that never slows never rolls."""
     scenario = catalogue()["slip"]
     weaker = replace(scenario, coefficients=(replace(scenario.coefficients[0], friction=0.24),))
-    from touchstone.scenarios.families.roll import rolling
-
     late = rolling("slip", ("headings",), (0.0, 22.5, 45.0), 0.24, 2.0, 0.0, 1.0)
     assert weaker.coefficients == late.coefficients
     found = known.value("rolling.time", known.ideal(recordings, late), scenario)
@@ -269,9 +266,9 @@ def test_what_settles_does_not_drift(recordings, known):
 def scene(lab):
     """Two balls over a fixed block of 2 m by 2 m by 1 m, turned by a quarter about z and shifted by 1 m."""
     block = lab.block("block", (1.0, 1.0, 0.5), (1.0, 0.0, -0.5), kind="fixed")
-    block = dataclasses.replace(block, orientation=(0.5**0.5, 0.0, 0.0, 0.5**0.5))
+    block = replace(block, orientation=(0.5**0.5, 0.0, 0.0, 0.5**0.5))
     one, two = lab.ball("one", (0.5, 0.0, -0.2)), lab.ball("two", (1.5, 0.5, -0.2))
-    return dataclasses.replace(lab.scene(block, one, two, duration=1.0), tags=("settles",))
+    return replace(lab.scene(block, one, two, duration=1.0), tags=("settles",))
 
 
 def moved(recordings, scene, way):
@@ -299,6 +296,6 @@ def test_only_an_end_that_is_asked_for_is_judged(recordings, known, scene, name)
     """Measure nothing in scenes that need not settle, nor in a run that was left off."""
     recording = moved(recordings, scene, (0, 0, 0))
     with pytest.raises(NotMeasured, match="nothing has to come to rest"):
-        known.value(name, recording, dataclasses.replace(scene, tags=()))
+        known.value(name, recording, replace(scene, tags=()))
     with pytest.raises(NotMeasured, match="the end was not played"):
-        known.value(name, recording, dataclasses.replace(scene, duration=2.0))
+        known.value(name, recording, replace(scene, duration=2.0))
