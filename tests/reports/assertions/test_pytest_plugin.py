@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
@@ -295,8 +294,6 @@ def test_what_is_used_is_kept_longest(recording, folder):
 
 
 FRAMES, MOVING = 1000, 19
-LIMIT = 0.05
-"""Processor time of an assertion [s]."""
 CALLS = 10 * FRAMES
 """Calls of an assertion [1]: 1563 to 7505 measured; one per frame and body would be 19,000."""
 PLACES = [(0.3 * (k % 5), 0.3 * (k // 5), 0.05) for k in range(MOVING)]
@@ -327,7 +324,7 @@ def at_rest(kind: str, height: float) -> tuple[Scenario, dict]:
     return scenario, {"position": position, **given, "contacts": contacts}
 
 
-ASSERTED = pytest.mark.parametrize(
+@pytest.mark.parametrize(
     ("kind", "height", "invariant"),
     [
         *((kind, height, "no_overlap") for kind in BODIES for height in (0.0, 0.5)),
@@ -336,9 +333,6 @@ ASSERTED = pytest.mark.parametrize(
         ("boxes", 0.0, "friction_cone"),
     ],
 )
-
-
-@ASSERTED
 def test_calls(kind, height, invariant):
     """An assertion makes few calls a frame and none per body: this decides its time, on any machine."""
     scenario, given = at_rest(kind, height)
@@ -354,19 +348,3 @@ def test_calls(kind, height, invariant):
         finally:
             sys.setprofile(None)
     assert 0 < calls["call"] + calls["c_call"] < CALLS
-
-
-@pytest.mark.slow
-@ASSERTED
-def test_overhead(kind, height, invariant):
-    """The fastest of several assertions, each on a new recording."""
-    scenario, given = at_rest(kind, height)
-    if invariant != "friction_cone":
-        del given["contacts"]
-    spent = []
-    while len(spent) < 3 or (min(spent) > LIMIT and len(spent) < 10):
-        run = ts.recording(scenario, **given)
-        start = time.process_time()
-        check(invariant, run, scenario, limit=1.0)
-        spent.append(time.process_time() - start)
-    assert min(spent) < LIMIT

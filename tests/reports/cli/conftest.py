@@ -18,31 +18,41 @@ from touchstone.scenarios.families import ball_snip as snip
 
 
 @pytest.fixture
-def handed_over(monkeypatch, registry):
-    """Children that hand over the session's recordings in place of playing."""
+def played_by(monkeypatch):
+    """Let jobs end as a function of each says, in place of children that play them."""
 
-    def play(self, jobs, progress):
-        outcomes = []
-        for job in jobs:
-            progress(f"{job.engine} {job.settings.profile}", 0)
-            registry.played(job.scenario.name, job.engine).save(job.recording)
-            outcomes.append(Outcome(job, "done"))
-        return outcomes
+    def patch(outcome):
+        def play(self, jobs, progress):
+            for job in jobs:
+                progress(f"{job.engine} {job.settings.profile}", 0)
+            return [outcome(job) for job in jobs]
 
-    monkeypatch.setattr(study.Children, "play", play)
+        monkeypatch.setattr(study.Children, "play", play)
+
+    return patch
 
 
 @pytest.fixture
-def here(touchstone, monkeypatch):
+def handed_over(played_by, registry):
+    """Children that hand over the session's recordings in place of playing."""
+
+    def outcome(job):
+        registry.played(job.scenario.name, job.engine).save(job.recording)
+        return Outcome(job, "done")
+
+    played_by(outcome)
+
+
+@pytest.fixture
+def here(touchstone, played_by):
     """The program, whose children play in this process."""
 
-    def play(self, jobs, progress):
-        for job in jobs:
-            settings = Settings(job.settings.profile, 1 / 60 if job.engine == "reference" else 1 / 480)
-            record(load(job.engine), job.scenario, settings).save(job.recording)
-        return [Outcome(job, "done") for job in jobs]
+    def outcome(job):
+        settings = Settings(job.settings.profile, 1 / 60 if job.engine == "reference" else 1 / 480)
+        record(load(job.engine), job.scenario, settings).save(job.recording)
+        return Outcome(job, "done")
 
-    monkeypatch.setattr(study.Children, "play", play)
+    played_by(outcome)
     return touchstone
 
 

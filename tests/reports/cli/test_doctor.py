@@ -20,11 +20,6 @@ def cache(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_good_cache_is_a_folder(cache):
-    """Name the folder, and nothing else."""
-    assert compile_facts()["kernel cache"] == str(cache)
-
-
 def test_damaged_files_are_counted_and_removed(cache):
     """Say how many files are damaged, and that the next run compiles their kernels."""
     for k, size in enumerate((0, 100)):
@@ -34,17 +29,26 @@ def test_damaged_files_are_counted_and_removed(cache):
     assert [path.name for path in cache.iterdir()] == ["good.nbc"]
 
 
-def test_a_full_disk_is_named(cache, monkeypatch):
-    """Name the folder that was not used, with its reason, and what happens where none is."""
-    full = "/full/kernels: 0 MB free, 100 MB needed"
-    kernel_cache.REJECTED.append(full)
-    assert compile_facts()["kernel cache"] == f"{cache}; not used: {full}"
+FULL = "/full/kernels: 0 MB free, 100 MB needed"
+
+
+@pytest.mark.parametrize(
+    ("rejected", "unwritten", "told"),
+    [
+        ([], [], ""),
+        ([FULL], [], f"; not used: {FULL}"),
+        ([], ["a.nbc"], "; 1 kernels could not be written, they compile in every process"),
+    ],
+)
+def test_a_folder_is_named_with_what_is_wrong(cache, rejected, unwritten, told):
+    """Name the folder, one that was not used with its reason, and how many files were not written."""
+    kernel_cache.REJECTED.extend(rejected)
+    kernel_cache.UNWRITTEN.extend(unwritten)
+    assert compile_facts()["kernel cache"] == f"{cache}{told}"
+
+
+def test_without_a_folder_kernels_compile_in_every_process(monkeypatch):
+    """Say so, and why no folder was used."""
+    kernel_cache.REJECTED.append(FULL)
     monkeypatch.setattr(kernel_cache, "CACHE_FOLDER", None)
-    assert compile_facts()["kernel cache"] == f"none, kernels compile in every process; not used: {full}"
-
-
-def test_files_that_were_not_written_are_told(cache):
-    """Say that other processes compile what could not be written."""
-    kernel_cache.UNWRITTEN.append("a.nbc")
-    told = f"{cache}; 1 kernels could not be written, they compile in every process"
-    assert compile_facts()["kernel cache"] == told
+    assert compile_facts()["kernel cache"] == f"none, kernels compile in every process; not used: {FULL}"

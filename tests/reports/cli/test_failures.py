@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import re
-import sys
 from dataclasses import replace
 from math import nan
 
@@ -24,16 +23,15 @@ RUN = "run ball_snip --engine reference --profile balanced"
 
 
 @pytest.fixture
-def hand_over(monkeypatch):
+def hand_over(played_by):
     """Children that hand over a recording, complete or up to a failure, in place of playing."""
 
     def hand(recording, failure=""):
-        def play(self, jobs, progress):
-            for job in jobs:
-                recording.save(job.recording)
-            return [Outcome(job, "error" if failure else "done", failure) for job in jobs]
+        def outcome(job):
+            recording.save(job.recording)
+            return Outcome(job, "error" if failure else "done", failure)
 
-        monkeypatch.setattr(study.Children, "play", play)
+        played_by(outcome)
 
     return hand
 
@@ -92,11 +90,10 @@ def test_a_broken_limit_is_exit_1(touchstone, quick, monkeypatch, left):
     assert "results.csv" in left("r")
 
 
-def test_an_engine_that_dies_is_exit_5(touchstone, monkeypatch):
+def test_an_engine_that_dies_is_exit_5(touchstone, played_by):
     """An engine that dies is a row with its reason, and exit 5; `--quiet` still tells."""
     said = "died during 'play': signal SIGSEGV"
-    crash = lambda self, jobs, progress: [Outcome(job, "error", said) for job in jobs]  # noqa: E731
-    monkeypatch.setattr(study.Children, "play", crash)
+    played_by(lambda job: Outcome(job, "error", said))
     code, out, _ = touchstone(f"{RUN} --out r --format json")
     rows = json.loads(out)
     assert code == 5
@@ -145,21 +142,17 @@ def test_verdicts_decide_the_exit_code(verdicts, named, wanted):
     assert code == wanted
 
 
-def test_an_engine_that_cannot_be_imported_is_exit_3(touchstone, monkeypatch, registry):
+def test_an_engine_that_cannot_be_imported_is_exit_3(touchstone, played_by, monkeypatch, registry):
     """An engine that is installed but fails to import is a row with its reason; the others finish."""
     said = "cannot be imported: libGL.so.1: no such file"
 
-    def play(self, jobs, progress):
-        outcomes = []
-        for job in jobs:
-            if job.engine == "mujoco":
-                outcomes.append(Outcome(job, "unimportable", said))
-                continue
-            registry.played(job.scenario.name, "reference").save(job.recording)
-            outcomes.append(Outcome(job, "done"))
-        return outcomes
+    def outcome(job):
+        if job.engine == "mujoco":
+            return Outcome(job, "unimportable", said)
+        registry.played(job.scenario.name, "reference").save(job.recording)
+        return Outcome(job, "done")
 
-    monkeypatch.setattr(study.Children, "play", play)
+    played_by(outcome)
     monkeypatch.setattr(study, "installed", lambda name: name in ("reference", "mujoco"))
     run = "run ball_snip --profile balanced --profile recommended --metric overlap.max"
     code, out, _ = touchstone(f"{run} --out r")
@@ -170,11 +163,8 @@ def test_an_engine_that_cannot_be_imported_is_exit_3(touchstone, monkeypatch, re
     assert "overlap.max" in out
 
 
-def test_a_run_without_its_judge_says_so(touchstone, quick, monkeypatch):
+def test_a_run_without_its_judge_says_so(touchstone, quick, without_coal):
     """Without the libraries that measure overlap nothing of it passes: a line on standard error, exit 4."""
-    for name in [name for name in sys.modules if name.startswith("touchstone.adapters.oracles")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "coal", None)
     code, out, err = touchstone(f"{RUN} --out r --format json")
     rows = json.loads(out)
     assert code == 4

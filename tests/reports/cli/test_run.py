@@ -78,11 +78,6 @@ def test_a_study_is_printed_for_machines(touchstone, monkeypatch):
     assert achieved.reason.tolist() == ["asked 0.5"]
 
 
-def test_quiet_says_nothing(touchstone, quick):
-    """`--quiet` prints neither progress nor table."""
-    assert touchstone(f"{RUN} --out r --quiet") == (0, "", "")
-
-
 def test_what_is_not_asked_is_not_measured(registry):
     """Measure what is named and what that is judged by; the values are those of a whole run."""
     scenario, recording = catalogue()["ball_snip"], registry.played("ball_snip", "reference")

@@ -109,12 +109,10 @@ def test_metrics_by_pattern(here, refused):
 
 
 def test_what_show_prints_is_a_scene_file(touchstone, tmp_path):
-    """The JSON of `show` can be shown, with the same bodies; `schema` prints what describes it."""
+    """The JSON of `show` can be shown, with the same bodies."""
     _, out, _ = touchstone("show ball_snip --format json")
     (tmp_path / "again.json").write_text(out)
     assert touchstone("show again.json --format json")[1] == out
-    code, out, _ = touchstone("schema")
-    assert (code, json.loads(out)["title"]) == (0, "touchstone scene")
 
 
 @pytest.mark.parametrize(

@@ -174,20 +174,6 @@ def test_effects_that_a_person_lacks_cost_nothing():
     assert not planned_for(REFERENCE, scenario, replace(plan, effects=PLANNED))[1].fat_bounds
 
 
-@pytest.mark.slow
-def test_measured_costs_of_effects():
-    """Effects that a person lacks take less than a fifth of a frame, contact most of one of `stack`."""
-    scenario = catalogue()["two_arms"]
-    stages = planned(scenario).stages
-
-    def largest() -> float:
-        lacking = [cost for effect, cost in effects.costs(scenario, passes=2).items() if effect not in stages]
-        return max(map(abs, lacking))
-
-    assert any(largest() < 0.2 for _ in range(3))  # a measurement that is disturbed is made again
-    assert effects.costs(catalogue()["stack"])["contact"] > 0.2
-
-
 COSTS = {effect: 1e-6 * (k + 1) for k, effect in enumerate(TOGGLED)}
 """Time of an effect in a frame [s]."""
 

@@ -32,8 +32,12 @@ LONGEST = 60
 
 @pytest.fixture
 def old(touchstone, quick, stored_run, tmp_path):
-    """A stored run of one scene; returns the program."""
-    stored_run(lambda: touchstone(RUN), tmp_path / "old")
+    """A stored run of one scene, which `--quiet` plays without a word; returns the program."""
+
+    def play():
+        assert touchstone(RUN) == (0, "", "")
+
+    stored_run(play, tmp_path / "old")
     return touchstone
 
 
