@@ -12,6 +12,7 @@ from forked_children import fork_children
 
 from touchstone.adapters.workers import process
 from touchstone.adapters.workers.pool import EngineServer
+from touchstone.reports.cli import main as cli
 from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.runner.tasks import Task
@@ -49,7 +50,6 @@ def touchstone(monkeypatch, capfd, tmp_path):
 
     The first argument is a line of words as a shell splits them; others are words as they are.
     """
-    from touchstone.reports.cli import main as cli
 
     monkeypatch.chdir(tmp_path)
 

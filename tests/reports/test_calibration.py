@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from touchstone.adapters.registry import ACCURATE, ENGINES, Entry
+from touchstone.reports.progress import quietly
 from touchstone.reports.results import COLUMNS
 from touchstone.reports.studies.calibration import (
     HEIGHT,
@@ -54,10 +55,6 @@ PER_PAIR = {
 }
 ROUNDING = 1e-9
 """Of an arc through a few hundred steps."""
-
-
-def silence(label: str, count: int) -> None:
-    """No progress."""
 
 
 def bounce(e: float, speed: float, dt: float, level: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -171,7 +168,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[pd.DataFrame, Pat
     folder = tmp_path_factory.mktemp("calibration")
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(ENGINES, "absent", Entry("no.such:Thing", "no_such_package", {"recommended": 1 / 60}))
-        return run(COLUMNS_RUN, folder / "one", silence, TINY), folder / "one"
+        return run(COLUMNS_RUN, folder / "one", quietly, TINY), folder / "one"
 
 
 def test_rows_are_complete(results) -> None:
@@ -233,7 +230,7 @@ def test_files_are_written(results) -> None:
 
 def test_an_engine_that_fails_is_one_row(tmp_path: Path) -> None:
     """Say of an engine that breaks how it did; the others are measured."""
-    frame = run((("mujoco", ACCURATE),), tmp_path / "out", silence, TINY, loader=str)  # type: ignore[arg-type]
+    frame = run((("mujoco", ACCURATE),), tmp_path / "out", quietly, TINY, loader=str)  # type: ignore[arg-type]
     rows = frame[frame.metric == "run"]
     assert rows[["engine", "profile", "verdict"]].to_numpy().tolist() == [["mujoco", ACCURATE, "error"]]
     assert rows.reason.iloc[0].startswith("AttributeError")
@@ -245,7 +242,7 @@ def test_a_probe_that_is_refused_is_one_row(tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     few = {"frictions": (), "headings": (), "ladder": (), "steps": ()}
     grid = replace(TINY, pairs=("sphere-box",), restitutions=(0.01, 0.5), speeds=(1.0,), **few)
-    frame = run((("mujoco", ACCURATE),), tmp_path / "out", silence, grid)
+    frame = run((("mujoco", ACCURATE),), tmp_path / "out", quietly, grid)
     refused = frame[frame.metric == "run"]
     assert refused[["verdict", "subject"]].to_numpy().tolist() == [["skipped", "restitution 0.01"]]
     achieved = frame[frame.metric == "restitution.achieved"]

@@ -27,7 +27,6 @@ from touchstone.reports.views.pictures import INK, color_of, detector_color, mar
 from touchstone.scenarios.catalogue import catalogue
 
 PROFILES = {engine: next(iter(entry.profiles)) for engine, entry in ENGINES.items()}
-SIGNATURE = b"\x89PNG"
 
 
 def request_for(*names, **more):
@@ -171,7 +170,7 @@ def test_pictures_of_one_scene_and_of_many(names, tmp_path, recordings):
         )
     draw(request_for(*names), results, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(f"{name}.png" for name in PICTURES)
-    assert all(path.read_bytes().startswith(SIGNATURE) for path in tmp_path.iterdir())
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in tmp_path.iterdir())
 
 
 def test_courses_end_in_their_metric(registry):
@@ -289,6 +288,4 @@ def test_pictures_and_report_show_it(fifth, tmp_path: Path):
     results = Results(table(rows))
     draw(request, results, tmp_path)
     assert fifth in report(request, results)
-    drawn = [path.read_bytes()[:4] for path in tmp_path.glob("*.png")]
-    assert drawn
-    assert set(drawn) == {b"\x89PNG"}
+    assert {path.read_bytes()[:4] for path in tmp_path.glob("*.png")} == {b"\x89PNG"}

@@ -8,11 +8,8 @@ import pytest
 
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ENGINES
-from touchstone.scenarios.catalogue import catalogue
-
-pytest.importorskip("pinocchio", reason="not installed (pip install pin)")
-
 from touchstone.reports.views.model_card import AGREED, NotDriven, card_rows, deviation
+from touchstone.scenarios.catalogue import catalogue
 
 SCENES = ("ball_snip", "wall_push", "arms_cross")
 

@@ -87,7 +87,6 @@ def test_directions_are_seeded_unit_vectors_that_press_nothing():
 
 def test_what_touches_at_the_start_is_found(recordings):
     """Find the three pairs of the cradle's row, and the ball on the table."""
-    pytest.importorskip("coal")
     scenario = catalogue()["cradle"]
     rows = touching(recordings.recording(scenario), scenario)
     assert rows.shape == (3, 15)

@@ -8,7 +8,9 @@ import pytest
 from fake_detectors import load as load_detector
 from fake_steppers import load as load_stepper
 
+from touchstone.adapters.contract import Settings
 from touchstone.adapters.detectors import REFERENCE
+from touchstone.adapters.engines.reference.engine import ReferenceEngine
 from touchstone.adapters.recorder import warm_up
 from touchstone.reports.bench import BENCHES, load, scaling
 from touchstone.reports.bench.scaling import (
@@ -42,7 +44,6 @@ def test_an_interrupted_bench_leaves_nothing(name: str, tmp_path: Path) -> None:
 
 def test_a_broken_limit_fails_the_command(monkeypatch, touchstone) -> None:
     """End with exit 1 and the reason where a limit is broken, 0 where it holds."""
-
     row = Row("bench scaling", BROAD_PHASE, "reference", "balanced", nan, "scaling.exponent", 1.0, "1")
     for largest, wanted in ((0.9, 1), (1.1, 0)):
         monkeypatch.setattr(limits, "LIMITS", (Limit("scaling.exponent", largest, "as asked"),))
@@ -100,9 +101,6 @@ def test_balls_at_rest_take_turns(shown, tmp_path: Path, monkeypatch) -> None:
 
 def test_balls_rest_on_the_floor_and_apart() -> None:
     """Touch the floor and nothing else, and stay where they are for a second."""
-    from touchstone.adapters.contract import Settings
-    from touchstone.adapters.engines.reference.engine import ReferenceEngine
-
     scenario = resting_balls(10)
     assert len(scenario.bodies) == 11
     places = np.array([body.position for body in scenario.bodies[1:]])

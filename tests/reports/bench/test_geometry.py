@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial import ConvexHull
 
 from touchstone.adapters.detectors import (
     DETECTORS,
@@ -200,8 +201,6 @@ def test_the_hand_slides_near_the_table() -> None:
 
 def test_hulls_have_the_vertices_asked_for() -> None:
     """Give hulls whose vertices are all corners, that touch by 5 mm at first and stay in touch."""
-    from scipy.spatial import ConvexHull
-
     for count in (50, 700):
         assert len(ConvexHull(np.array(spread_vertices(count))).vertices) == count
     motion = hull_slide(50, 3, 30, np.random.default_rng(0))

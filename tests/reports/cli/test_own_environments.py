@@ -49,10 +49,7 @@ FAULTS = {
     "changed": ("mdurl.parse_all(0)", "AttributeError: module 'mdurl' has no attribute 'parse_all'"),
     "dies": ("os.kill(os.getpid(), signal.SIGSEGV)", "died during 'warm up': signal SIGSEGV"),
     "nan": ("self.position[:, 2] *= np.float32('nan')", "diverged: the position of 'ball' is not finite"),
-    "broken": (
-        "",
-        "its environment is broken: owned_physics: owned_physics/adapter.py is missing",
-    ),
+    "broken": ("", "its environment is broken: owned_physics: owned_physics/adapter.py is missing"),
 }
 """What goes wrong in an environment -> what a step then does, and what is said of it."""
 

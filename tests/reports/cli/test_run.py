@@ -13,6 +13,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import COLUMNS, Row
 from touchstone.reports.run import study
 from touchstone.reports.runner import request
+from touchstone.reports.studies import calibration as calibration
 from touchstone.reports.verdict.rows import NEEDED, measured
 from touchstone.scenarios.catalogue import catalogue
 
@@ -63,8 +64,6 @@ def test_machine_output_parses_and_stands_alone(touchstone, quick, form):
 
 def test_a_study_is_printed_for_machines(touchstone, monkeypatch):
     """Print the long table of `study calibration` as CSV and nothing else, and end well."""
-    from touchstone.reports.studies import calibration as calibration
-
     tiny = {"restitutions": (0.5,), "speeds": (2.0,), "frictions": (0.3,), "ladder": (), "steps": ()}
     requested = partial(calibration.Requested, pairs=("sphere-box",), **tiny)
     monkeypatch.setattr(calibration, "Requested", requested)

@@ -14,7 +14,14 @@ import pytest
 
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.knobs import Choice
-from touchstone.adapters.registry import ENGINES, changes_of, installed, missing_reason, settings_of
+from touchstone.adapters.registry import (
+    ENGINES,
+    changes_of,
+    installed,
+    missing_reason,
+    registered,
+    settings_of,
+)
 from touchstone.reports.cli.challenge import settings_file
 from touchstone.reports.studies.study import RefusedError
 from touchstone.reports.studies.tuning import Asked, Search, Space, cost_lines, tuned_lines, values_of
@@ -118,8 +125,6 @@ def test_seeds_and_times(touchstone):
 @pytest.mark.parametrize("engine", ["mujoco", "bullet", "dart", "drake"])
 def test_values_are_valid_and_reach_every_setting(engine):
     """Every setting has another value than its profiles', and the table takes all of them."""
-    from touchstone.adapters.registry import registered
-
     table = settings_of(registered(engine))
     for name, setting in table.items():
         found = values_of(setting)

@@ -3,6 +3,7 @@
 import json
 import struct
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,8 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from touchstone.reports.exports import TABLES, body_mesh, glb
+from touchstone.reports.page.run_page import own_columns
+from touchstone.reports.results import save, table
 from touchstone.scenarios.catalogue import catalogue
 
 COUNTS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
@@ -117,7 +120,6 @@ def stored(registry, tmp_path):
     (folder / "recordings").mkdir(parents=True)
     registry.played("slip", "reference").save(folder / "recordings" / "slip-reference-balanced.npz")
     rows = registry.judged_rows("slip", "reference")
-    from touchstone.reports.results import save, table
 
     save(table(rows), folder)
     return folder
@@ -179,9 +181,6 @@ def test_wrong_arguments_are_one_line(refused, stored, command, said):
 
 def test_the_page_shows_each_engine_in_its_own_profile():
     """Of several profiles, the engine's own; without it, the first that was played."""
-    from pathlib import Path
-
-    from touchstone.reports.page.run_page import own_columns
 
     played = [
         ("reference", "paper"),

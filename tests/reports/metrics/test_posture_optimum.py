@@ -10,8 +10,6 @@ from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.scenarios.avatar.tracking import sample
 from touchstone.scenarios.catalogue import catalogue
 
-pytest.importorskip("pinocchio", reason="not installed (pip install pin)")
-
 
 def test_deviation_is_the_root_mean_square(registry, known):
     """One of 27 hinges off by 0.1 rad in every frame deviates by 0.1 / sqrt 27, whoever is said to play."""

@@ -10,11 +10,13 @@ import pyarrow.parquet as pq
 import pytest
 from forged_tables import JSONS, WAYS, forge
 
+from touchstone.adapters.registry import DEFAULT_ENGINES
 from touchstone.adapters.workers.children import Children
 from touchstone.adapters.workers.scratch import locked
 from touchstone.reports.cli import nightly as nightly
 from touchstone.reports.nightly import night as module
 from touchstone.reports.nightly import store as identity
+from touchstone.reports.nightly import verdict
 from touchstone.reports.nightly.night import HARD, OUTCOME, Study, due, rows_for_nights, studies
 from touchstone.reports.nightly.store import KEY, Night, Store
 from touchstone.reports.nightly.verdict import GONE, REGRESSION, compared_with, physics
@@ -246,8 +248,6 @@ def test_a_night_that_nobody_reads_is_stored(program, monkeypatch):
 @pytest.mark.parametrize("command", ["nightly", "nightly --quick"])
 def test_every_engine_plays(program, monkeypatch, command):
     """A night asks for all engines, quick or not."""
-    from touchstone.adapters.registry import DEFAULT_ENGINES
-
     asked = []
     original = module.measure_scene
 
@@ -310,7 +310,6 @@ def test_a_study_is_measured_when_it_is_due(program):
 
 def test_a_page_that_fails_leaves_the_night(program, monkeypatch):
     """Where the page cannot be written the night is stored, and the exit code says so."""
-    from touchstone.reports.nightly import verdict
 
     def fails(*arguments):
         raise KeyError("cell")
@@ -367,7 +366,7 @@ def stored(program, two_nights, tmp_path):
     return program
 
 
-@pytest.mark.parametrize("ways", zip(WAYS[::4], WAYS[2::4]))
+@pytest.mark.parametrize("ways", list(zip(WAYS[::4], WAYS[2::4])))
 def test_a_forged_night_is_set_aside_or_read(stored, tmp_path, ways):
     """Whatever the files of two nights hold, the next night is compared, stored and shown."""
     for path, way in zip(sorted((tmp_path / "nights" / "runs").iterdir()), ways, strict=True):

@@ -18,7 +18,7 @@ from touchstone.reports.page import charts as forces
 from touchstone.reports.page import page as module
 from touchstone.reports.page.charts import force_chart, force_charts
 from touchstone.reports.page.html import Change
-from touchstone.reports.page.page import MOST_PLAYBACK, broken_part, page, within_budget
+from touchstone.reports.page.page import MOST_PLAYBACK, broken_part, page, studies_part, within_budget
 from touchstone.reports.page.playback import INT16
 from touchstone.reports.results import Row, table
 from touchstone.reports.runner.request import Request, Results
@@ -137,8 +137,6 @@ def test_a_slow_reference_is_listed_among_the_failings():
 
 def test_studies_are_shown_as_text(made):
     """Hard cases as a table of classes with what each means; of other studies, counts and what is broken."""
-    from touchstone.reports.page.page import studies_part
-
     hard = ("stability", "hard_mass_1e6", "mujoco", "recommended", 1 / 540, "stability.outcome")
     other = ("relations", "fall", "dart", "recommended", 1 / 1020, "relations.turned")
     rows = [

@@ -1,7 +1,6 @@
 """Where two columns are farthest apart, and ratios of their times with intervals."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -60,7 +59,8 @@ def test_paper_counts_only_beside_one_other(apart):
 
 
 def test_says_that_columns_stay_together(apart):
-    """Below the threshold there is no outlier, and nothing is measured twice: no horizon is asked for."""
+    """Below the threshold there is no outlier, and nothing is measured twice: no horizon is asked for. No
+    body is named where paths are equal; one column has no row and no line."""
 
     def never():
         raise AssertionError
@@ -68,19 +68,9 @@ def test_says_that_columns_stay_together(apart):
     (row,) = apart(never, one=np.zeros(31), other=np.full(31, THRESHOLD / 2), third=np.zeros(31))
     assert row.value == pytest.approx(THRESHOLD / 2)
     assert row.reason.endswith("; never above 1 mm")
-
-
-def test_one_column_has_nothing_to_compare(apart):
-    """No row and no line."""
-    assert apart(one=np.zeros(31)) == []
-    assert headlines([]) == []
-
-
-def test_equal_paths_are_no_distance(apart):
-    """Where all columns are equal no body is named."""
-    assert headlines(apart(one=np.zeros(31), other=np.zeros(31))) == [
-        "farthest apart: no body, all paths are equal"
-    ]
+    equal = apart(one=np.zeros(31), other=np.zeros(31))
+    assert headlines(equal) == ["farthest apart: no body, all paths are equal"]
+    assert apart(one=np.zeros(31)) == headlines([]) == []
 
 
 def test_compares_up_to_the_horizon(apart):
@@ -115,18 +105,14 @@ def test_a_table_counts_what_it_does_not_show(apart):
     assert lines[-1][2] == "at most 20 mm"
 
 
-def played(scenario, folder: Path, children):
-    job = Job("reference", scenario, Settings("balanced", 1 / 60), folder / "a.npz", folder / "a.txt")
-    (outcome,) = children.play([job], lambda *_: None)
-    assert outcome.status == "done", outcome.reason
-    return job
-
-
 def test_the_horizon_of_a_fall_is_its_end_and_of_collisions_before(tmp_path):
     """A fall keeps a perturbation as it is; a break of fifteen balls multiplies it at every collision."""
+    files, settings = (tmp_path / "a.npz", tmp_path / "a.txt"), Settings("balanced", 1 / 60)
     with Children(together=True) as children:
         for scenario, amplifies in ((catalogue()["fall"], False), (catalogue()["break_15"], True)):
-            job = played(scenario, tmp_path, children)
+            job = Job("reference", scenario, settings, *files)
+            (outcome,) = children.play([job], lambda *_: None)
+            assert outcome.status == "done", outcome.reason
             horizon = measured_horizon(scenario, job, children, lambda *_: None)
             assert (horizon < scenario.duration) == amplifies
             assert horizon > 0
@@ -201,17 +187,12 @@ def noisy(seed, median, spikes=0.0, frames=180):
 
 
 def test_a_constant_ratio_is_exact():
-    """Times that are a fixed share of others have that ratio with no width, whatever their noise."""
-    theirs = noisy(1, 1e-4, spikes=0.3)
-    ratio = time_ratio(theirs / 4, theirs)
-    assert (ratio.value, ratio.low, ratio.high) == pytest.approx((0.25, 0.25, 0.25), rel=1e-12)
-
-
-def test_only_what_both_played_counts():
-    """Leave out frames that the other did not play, whichever is longer."""
-    theirs = noisy(1, 1e-4)
-    longer = np.concatenate([theirs / 4, np.ones(300)])
-    for ratio in (time_ratio(longer, theirs), time_ratio(theirs / 4, np.append(theirs, np.ones(300)))):
+    """Times that are a fixed share of others have that ratio with no width, whatever noise both share; frames
+    that one did not play are left out, whichever is longer."""
+    theirs, more = noisy(1, 1e-4, spikes=0.5), np.ones(300)
+    pairs = ((theirs, theirs), (np.append(theirs, more), theirs), (theirs, np.append(theirs, more)))
+    for one, other in pairs:
+        ratio = time_ratio(one / 4, other)
         assert (ratio.value, ratio.low, ratio.high) == pytest.approx((0.25, 0.25, 0.25), rel=1e-12)
 
 
@@ -231,13 +212,6 @@ def test_the_interval_is_reproducible():
     assert time_ratio(ours, theirs) == time_ratio(ours.copy(), theirs.copy())
     assert time_ratio(ours, theirs, seed=1) != time_ratio(ours, theirs)
     assert time_ratio(ours, theirs, seed=1).value == time_ratio(ours, theirs).value
-
-
-def test_frames_are_resampled_in_pairs():
-    """Noise that both share cancels: slow frames of both do not widen the interval."""
-    shared = noisy(5, 1.0, spikes=0.5)
-    ratio = time_ratio(2 * shared, shared)
-    assert ratio.high - ratio.low < 1e-9
 
 
 SIZES = (100, 320, 1000, 3200, 10_000)

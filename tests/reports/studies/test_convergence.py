@@ -131,10 +131,9 @@ def test_the_table_shows_order_floor_and_who_is_nearer(shown, tmp_path: Path) ->
     assert "! 2 of 7, 5.00" in lines["dart recommended"]
     assert "flat" in lines["mujoco recommended"]
     assert "skipped: hill: no hills (bullet at 1/30 s)" in shown(report(frame), 120)
-    draw(frame, tmp_path / "full.png")
-    draw(frame[:0], tmp_path / "empty.png")
-    for name in ("full.png", "empty.png"):
-        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    for part in (frame, frame[:0]):
+        draw(part, tmp_path / "drawn.png")
+        assert (tmp_path / "drawn.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_known_orders(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Unsupported
-from touchstone.adapters.detectors import DETECTORS, REFERENCE, Entry, load, missing_reason
+from touchstone.adapters.detectors import DETECTORS, REFERENCE, Entry, Failure, load, missing_reason
 from touchstone.adapters.oracles.minkowski import piece_distance
 from touchstone.reports.progress import quietly
 from touchstone.reports.results import COLUMNS
@@ -149,7 +149,6 @@ def test_missed_and_failed_count_apart(truth) -> None:
     assert np.isnan(errors[truth.distance > 0]).all()
     deep = -truth.distance > 1e-3 * truth.size
     np.testing.assert_array_equal(errors[deep], 1.0)
-    from touchstone.adapters.detectors import Failure
 
     nothing.failures = {k: Failure("threw", "test") for k in range(n)}
     assert np.isnan(depth_errors(truth, nothing)).all()

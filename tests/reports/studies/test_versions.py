@@ -9,6 +9,7 @@ import pytest
 from owned_engine import install_from, wheel
 
 from touchstone.adapters.registry import ENGINES, Entry, own_environment
+from touchstone.adapters.workers import pip_calls as module
 from touchstone.adapters.workers.environment import VersionError, environment, installed_version
 from touchstone.adapters.workers.pip_calls import cache_folder, pip_reason
 
@@ -141,7 +142,6 @@ def test_why_pip_failed_is_one_line(text, said):
 
 def test_an_interrupted_installation_leaves_nothing(released, monkeypatch):
     """An environment is complete or absent."""
-    from touchstone.adapters.workers import pip_calls as module
 
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt

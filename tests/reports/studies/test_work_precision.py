@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from touchstone.adapters.registry import installed, load
+from touchstone.adapters.knobs import Choice
+from touchstone.adapters.registry import installed, load, settings_of
 from touchstone.reports.runner.cells import Cell
 from touchstone.reports.runner.sweep import play_cell
 from touchstone.reports.studies.work_precision.points import (
@@ -274,9 +275,6 @@ def test_the_longest_cells_are_measured_first():
 def test_the_ladder_changes_one_setting_at_a_time():
     """Every other value of a choice, and every number in which `accurate` differs; and two profiles as a
     whole."""
-    from touchstone.adapters.knobs import Choice
-    from touchstone.adapters.registry import settings_of
-
     table_of = settings_of("reference")
     ours, theirs = (table_of.values_of(profile) for profile in ("balanced", "accurate"))
     wanted = {name for name, s in table_of.items() if isinstance(s, Choice) or ours[name] != theirs[name]}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.detectors import DETECTORS
+from touchstone.adapters.oracles.articulated import Articulated
 from touchstone.adapters.registry import ENGINES, OPTIONAL_ENGINES
 from touchstone.reports.bench.geometry import FAMILIES, MOTION
 from touchstone.reports.bench.scaling import BALLS, BROAD_PHASE, VERTICES
@@ -208,8 +209,6 @@ def test_remarks_are_kept(limits):
 @pytest.mark.parametrize("scene", PERSON_ENERGY)
 def test_a_persons_energy_is_that_of_its_tracker(scene):
     """Give the largest kinetic energy that a tracker asks for, by pinocchio, to two digits."""
-    pytest.importorskip("pinocchio", reason="not installed (pip install pin)")
-    from touchstone.adapters.oracles.articulated import Articulated
 
     scenario = catalogue()[scene]
     tracker = scenario.trackers[0]
