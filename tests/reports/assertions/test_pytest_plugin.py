@@ -185,7 +185,7 @@ def test_a_later_session_plays_what_has_changed_only(session, tmp_path: Path):
     assert "earlier sessions" not in session(*asked, cached=True)[1]
 
 
-@pytest.mark.parametrize("workers", [pytest.param((), marks=pytest.mark.slow), ("-p", "xdist", "-n", "1")])
+@pytest.mark.parametrize("workers", [(), pytest.param(("-p", "xdist", "-n", "1"), marks=pytest.mark.slow)])
 def test_every_test_keeps_its_measured_values(session, tmp_path: Path, workers):
     """The first test of a session or of a worker has its properties too, also those measured in a fixture."""
     (tmp_path / "test_mine.py").write_text(KEEPING)

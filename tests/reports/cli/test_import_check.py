@@ -5,6 +5,9 @@ import io
 
 import pytest
 
+from touchstone.reports.docs.reference import page_of
+from touchstone.scenarios.files.read import read_scene
+
 pytest.importorskip("mujoco", reason="not installed (pip install mujoco)")
 
 INERTIAL = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
@@ -42,8 +45,6 @@ def test_robots_of_a_folder_are_listed_by_result(touchstone, robots, tmp_path):
     assert float(found["robots/b/arm.urdf", "robot.mass"]["value"]) <= 1e-9
     code, out, _ = touchstone("import --check . --out here --format csv")
     assert {row["scenario"].partition("/")[0] for row in csv.DictReader(io.StringIO(out))} == {tmp_path.name}
-    from touchstone.reports.docs.reference import page_of
-
     name, text, _ = page_of(tmp_path / "found")
     assert name == "import.md"
     assert "# `touchstone import`" in text
@@ -93,8 +94,6 @@ def test_wrong_arguments_are_one_line(refused, robots, command, line):
 
 def test_a_robot_is_written_as_simulated_bodies(touchstone, refused, robots, tmp_path):
     """`--free` writes joints instead of a tracker, equal to the file; its options need it; folders too."""
-    from touchstone.scenarios.files.read import read_scene
-
     for option in ("--hold", "--fixed-base"):
         assert refused(f"{ARM_IN} {option}") == "--fixed-base and --hold are options of --free"
     code, out, err = touchstone(f"{ARM_IN} --free --hold")
