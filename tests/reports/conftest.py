@@ -14,7 +14,7 @@ from touchstone.adapters.workers import process
 from touchstone.adapters.workers.pool import EngineServer
 from touchstone.reports.cli import main as cli
 from touchstone.reports.metrics import METRICS
-from touchstone.reports.metrics.context import Context
+from touchstone.reports.metrics.context import Context, NotMeasured
 from touchstone.reports.runner.tasks import Task
 from touchstone.reports.studies import study
 from touchstone.reports.views.render import FittingConsole, print_parts
@@ -163,8 +163,15 @@ def value(name, recording, scenario):
     return dict(METRICS[name].measure(Context(recording, scenario)))
 
 
+def unmeasured(name, recording, scenario):
+    """Why a metric is not measured."""
+    with pytest.raises(NotMeasured) as reason:
+        value(name, recording, scenario)
+    return str(reason.value)
+
+
 @pytest.fixture(scope="session")
 def known() -> SimpleNamespace:
     """The builders of this file."""
-    builders = {one.__name__: one for one in (bouncing, path, ideal, hand, value)}
+    builders = {one.__name__: one for one in (bouncing, path, ideal, hand, value, unmeasured)}
     return SimpleNamespace(**builders, g=G, radius=RADIUS)

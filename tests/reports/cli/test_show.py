@@ -21,8 +21,8 @@ from touchstone.reports.studies.effects import REFERENCE, TOGGLED, toggles
 from touchstone.scenarios.catalogue import catalogue, tags
 from touchstone.scenarios.effects import PLANNED
 from touchstone.scenarios.files.write import scene_data
-
-BALL = [{"name": "ball", "shape": {"radius": 0.05}}]
+from touchstone.scenarios.scenario import Tracker
+from touchstone.scenarios.solids import ball
 
 
 @pytest.mark.parametrize("form", ["table", "json", "csv"])
@@ -117,21 +117,13 @@ def test_a_narrow_terminal_cuts_no_word(capsys, monkeypatch):
         assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == wanted
 
 
-def test_show_says_where_a_path_leaves_its_keyframes(touchstone, tmp_path):
+def test_show_says_where_a_path_leaves_its_keyframes(touchstone, lab, tmp_path):
     """A spline through 0, 12.5 mm, 12.5 mm swings far out: a line names tracker, place and remedy."""
-    scene = {
-        "duration": 10.0,
-        "coefficients": [{"material_a": "wood", "material_b": "wood", "restitution": 0, "friction": 0}],
-        "bodies": [{"name": "hand", "kind": "driven", "material": "wood", "mass": 1.0, "pieces": BALL}],
-        "trackers": [
-            {
-                "root": "hand",
-                "times": [0.0, 0.05, 10.0],
-                "positions": [[0.0] * 3, [0.0125, 0.0, 0.0], [0.0125, 0.0, 0.0]],
-                "orientations": [[1.0, 0.0, 0.0, 0.0]] * 3,
-            }
-        ],
-    }
+    places = ((0.0, 0.0, 0.0), (0.0125, 0.0, 0.0), (0.0125, 0.0, 0.0))
+    path = Tracker("hand", (), (0.0, 0.05, 10.0), places, ((1.0, 0.0, 0.0, 0.0),) * 3, ((),) * 3)
+    hand = ball("hand", "wood", 0.05, 1.0)
+    scene = scene_data(lab.scene(replace(hand, kind="driven"), trackers=(path,), duration=10.0))
+    scene["name"] = "hand"
     (tmp_path / "hand.json").write_text(json.dumps(scene))
     assert touchstone("show hand.json")[::2] == (0, "")
     scene["trackers"][0]["interpolation"] = "cubic"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from touchstone.adapters.registry import ENGINES
-from touchstone.reports.metrics.context import Context, NotMeasured
+from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.time_series import FORCE, course, heaviest_pairs
 from touchstone.scenarios.catalogue import catalogue
 from touchstone.scenarios.scenario import Body, Joint, Piece, Scenario, Sphere, Tracker
@@ -50,8 +50,8 @@ def test_force_of_known_impulses(recordings, known, resting):
     series = course(Context(recording, resting)).values[FORCE, "ground-ball"]
     assert np.isnan(series[0])
     assert series[1:] == pytest.approx(np.maximum(forces, 0.0), abs=1e-9)
-    with pytest.raises(NotMeasured, match="no contact presses"):
-        known.value("force.contact.mean", recordings.recording(resting, DT), resting)
+    said = known.unmeasured("force.contact.mean", recordings.recording(resting, DT), resting)
+    assert "no contact presses" in said
 
 
 @pytest.mark.parametrize(
@@ -86,10 +86,9 @@ def test_the_worst_window_of_a_pair_is_reported(recordings, known, resting):
     found = known.value("force.error", recording, scenario)["ground-ball"]
     assert found.value == pytest.approx(-0.5, abs=ROUNDING)
     assert found.reason.endswith("from 0.1 to 0.3 s")
-    with pytest.raises(NotMeasured, match="states no force"):
-        known.value("force.error", recording, resting)
-    with pytest.raises(NotMeasured, match="not played"):
-        known.value("force.error", replace(recording, time=recording.time[:20]), scenario)
+    assert "states no force" in known.unmeasured("force.error", recording, resting)
+    said = known.unmeasured("force.error", replace(recording, time=recording.time[:20]), scenario)
+    assert "not played" in said
 
 
 @pytest.fixture(scope="module")
@@ -142,8 +141,8 @@ def test_work_of_a_driver(arm, recordings, known):
     )
     recording = recordings.recording(arm, 1 / 60, contacts=contacts)
     assert known.value("energy.drive", recording, arm) == {"upper": pytest.approx(1.5 + 0.2, rel=ROUNDING)}
-    with pytest.raises(NotMeasured, match="no impulse of a driven"):
-        known.value("energy.drive", recordings.recording(arm, 1 / 60), arm)
+    said = known.unmeasured("energy.drive", recordings.recording(arm, 1 / 60), arm)
+    assert "no impulse of a driven" in said
 
 
 @pytest.mark.parametrize("ball_first", [True, False])
@@ -186,8 +185,8 @@ def test_the_gap_of_a_carried_body(lab, recordings, known, gap):
     apart = [
         G if k % 2 else 0.0 for k in range(frames - 1)
     ]  # bounces: never pressed before and after a frame
-    with pytest.raises(NotMeasured, match="none is pressed"):
-        known.value("contact.gap", pressed(recordings, scenario, apart, position=position), scenario)
+    said = known.unmeasured("contact.gap", pressed(recordings, scenario, apart, position=position), scenario)
+    assert "none is pressed" in said
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -244,5 +243,4 @@ def test_a_box_that_obeys_coulomb_coasts_as_it_should(pushed, coasting, known):
 )
 def test_what_does_not_coast_is_not_measured(pushed, coasting, known, fields, reason):
     """Tell why there is no number: nothing pushed the box, or it turned."""
-    with pytest.raises(NotMeasured, match=reason):
-        known.value("friction.coast", coasting(**fields), pushed)
+    assert reason in known.unmeasured("friction.coast", coasting(**fields), pushed)

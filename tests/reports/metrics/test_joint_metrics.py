@@ -100,8 +100,7 @@ def test_excess_is_beyond_the_limits(recordings, known, name, metric):
     bound = replace(scene.body_joints[0], upper=0.75 * reach)
     bounded = replace(scene, body_joints=(bound,), truths=())
     assert known.value(metric, recording, bounded)[""].value == pytest.approx(reach / 4, rel=1e-9)
-    with pytest.raises(NotMeasured, match="limits"):
-        known.value(metric, recording, scene)
+    assert "limits" in known.unmeasured(metric, recording, scene)
 
 
 @pytest.mark.parametrize("name", ["slider_spring"])
@@ -124,16 +123,16 @@ def test_springs_store_energy(recordings, known, name):
 def test_the_work_of_motors_is_not_known(recordings, known, name):
     """Energy is not judged where a joint drives its bodies."""
     scene = catalogue()[name]
-    with pytest.raises(NotMeasured, match="drives its bodies: its work is not known"):
-        known.value("energy.injected", known.ideal(recordings, scene), scene)
+    said = known.unmeasured("energy.injected", known.ideal(recordings, scene), scene)
+    assert "drives its bodies: its work is not known" in said
 
 
 @pytest.mark.parametrize("name", ["four_bar", "hinged_pair"])
 def test_forces_of_joints_are_no_missing_impulses(recordings, known, name):
     """Bodies that nothing touches are balanced together with what they are joined to, or not at all."""
     scene = catalogue()[name]
-    with pytest.raises(NotMeasured, match="no simulated body is touched"):
-        known.value("contact.impulse_balance", known.ideal(recordings, scene), scene)
+    said = known.unmeasured("contact.impulse_balance", known.ideal(recordings, scene), scene)
+    assert "no simulated body is touched" in said
 
 
 @pytest.mark.parametrize("name", ["double_pendulum"])

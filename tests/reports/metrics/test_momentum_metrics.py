@@ -23,8 +23,7 @@ def test_the_closed_form_keeps_momentum(recordings, known, scene):
     recording = known.ideal(recordings, scenario)
     assert known.value("momentum.linear", recording, scenario)[""] < ROUNDING
     if scene in ("collide_central", "collide_ratio_1e3", "collide_ratio_1e6", "cradle"):
-        with pytest.raises(NotMeasured, match="nothing turns"):
-            known.value("momentum.angular", recording, scenario)
+        assert "nothing turns" in known.unmeasured("momentum.angular", recording, scenario)
     else:
         assert known.value("momentum.angular", recording, scenario)[""] < ROUNDING
 
@@ -87,8 +86,7 @@ def test_momentum_withheld_by_a_row(recordings, known):
     assert found == {"ball_5": pytest.approx(0.25, abs=ROUNDING)}
     oblique = catalogue()["collide_oblique"]
     recording = known.ideal(recordings, oblique)
-    with pytest.raises(NotMeasured, match="no body hands all"):
-        known.value("momentum.withheld", recording, oblique)
+    assert "no body hands all" in known.unmeasured("momentum.withheld", recording, oblique)
 
 
 def test_the_law_of_an_impact_is_the_nearest(recordings, known):
@@ -102,8 +100,8 @@ def test_the_law_of_an_impact_is_the_nearest(recordings, known):
     found = known.value("impact.law", replace(right, linear_velocity=velocity), scenario)
     assert found["Newton"] == pytest.approx(0, abs=ROUNDING)
     assert found["sequential"] == pytest.approx(0.6)
-    with pytest.raises(NotMeasured, match="no row or rack"):
-        known.value("impact.law", recordings.recording(catalogue()["slide"]), catalogue()["slide"])
+    said = known.unmeasured("impact.law", recordings.recording(catalogue()["slide"]), catalogue()["slide"])
+    assert "no row or rack" in said
 
 
 def test_energy_is_relative_to_the_truth(recordings, known):
@@ -138,8 +136,7 @@ def test_a_soft_contact_that_stores_energy_loses_none(recordings, known):
 def test_where_work_is_done_nothing_is_measured(recordings, known, metric):
     """Scenes with friction, gravity or a drive are not measured, with the tag that is missing."""
     scenario = catalogue()["slide"]
-    with pytest.raises(NotMeasured, match="not tagged"):
-        known.value(metric, recordings.recording(scenario), scenario)
+    assert "not tagged" in known.unmeasured(metric, recordings.recording(scenario), scenario)
 
 
 def test_energy_of_bodies_that_always_overlap_is_not_measured(recordings, known):

@@ -61,16 +61,14 @@ def test_what_leaves_the_truth_is_measured(recordings, known, scene):
         assert found.value == pytest.approx(size, rel=1e-9), name
         assert found.reason == (f"of {scenario.truths[-1].body}" if len(scenario.truths) > 1 else "")
     if spin == 0:
-        with pytest.raises(NotMeasured, match="nothing turns"):
-            known.value("truth.spin", recording, scenario)
+        assert "nothing turns" in known.unmeasured("truth.spin", recording, scenario)
 
 
 def test_a_scene_without_truth_is_not_measured(recordings, known):
     """Scenes without a closed form have none of its metrics, with the reason."""
     scenario = catalogue()["rod_e1"]
     for name in OF_MOTION:
-        with pytest.raises(NotMeasured):
-            known.value(name, recordings.recording(scenario), scenario)
+        assert known.unmeasured(name, recordings.recording(scenario), scenario)
 
 
 @pytest.mark.parametrize("e", [0.5, 0.8])
@@ -238,11 +236,11 @@ def test_what_leaves_the_mirror_plane_counts_twice(recordings, known):
 def test_no_symmetry_without_partners(recordings, known):
     """Measure nothing in scenes that are not tagged, or that are tagged by mistake."""
     scenario = catalogue()["tower_10"]
-    with pytest.raises(NotMeasured, match="not tagged symmetric"):
-        known.value("symmetry.mirror", recordings.recording(scenario), scenario)
+    said = known.unmeasured("symmetry.mirror", recordings.recording(scenario), scenario)
+    assert "not tagged symmetric" in said
     wrong = replace(catalogue()["tip_holds"], tags=("symmetric",))
-    with pytest.raises(NotMeasured, match="box has no mirror image"):
-        known.value("symmetry.mirror", recordings.recording(wrong), wrong)
+    said = known.unmeasured("symmetry.mirror", recordings.recording(wrong), wrong)
+    assert "box has no mirror image" in said
 
 
 def test_what_settles_does_not_drift(recordings, known):
@@ -258,8 +256,8 @@ def test_what_settles_does_not_drift(recordings, known):
         assert known.value(metric, still, scenario)[""].value == 0.0
         found = known.value(metric, moved, scenario)[""]
         assert (found.value, found.reason) == (pytest.approx(value, rel=1e-9), f"of {body}")
-        with pytest.raises(NotMeasured, match="no body rests"):
-            known.value(metric, recordings.recording(catalogue()["fall"]), catalogue()["fall"])
+        said = known.unmeasured(metric, recordings.recording(catalogue()["fall"]), catalogue()["fall"])
+        assert "no body rests" in said
 
 
 @pytest.fixture
@@ -295,7 +293,5 @@ def test_what_goes_and_what_is_gone(recordings, known, scene, way, lost):
 def test_only_an_end_that_is_asked_for_is_judged(recordings, known, scene, name):
     """Measure nothing in scenes that need not settle, nor in a run that was left off."""
     recording = moved(recordings, scene, (0, 0, 0))
-    with pytest.raises(NotMeasured, match="nothing has to come to rest"):
-        known.value(name, recording, replace(scene, tags=()))
-    with pytest.raises(NotMeasured, match="the end was not played"):
-        known.value(name, recording, replace(scene, duration=2.0))
+    assert "nothing has to come to rest" in known.unmeasured(name, recording, replace(scene, tags=()))
+    assert "the end was not played" in known.unmeasured(name, recording, replace(scene, duration=2.0))

@@ -15,6 +15,9 @@ from touchstone.reports.results import Row, table
 from touchstone.reports.run.farthest_apart import THRESHOLD, apart_rows, measured_horizon
 from touchstone.reports.views.tables import apart_table, headlines
 from touchstone.scenarios.catalogue import catalogue
+from touchstone.scenarios.files.write import scene_toml
+from touchstone.scenarios.scenario import PairCoefficients, Scenario, Tracker
+from touchstone.scenarios.solids import block
 
 BALANCED, ACCURATE, MUJOCO = ("reference", "balanced"), ("reference", "accurate"), ("mujoco", "recommended")
 PAPER = ("reference", "paper")
@@ -118,46 +121,23 @@ def test_the_horizon_of_a_fall_is_its_end_and_of_collisions_before(tmp_path):
             assert horizon > 0
 
 
-SQUEEZE = """
-summary = "two pads squeeze a cube of 0.1 kg with 20 N"
-duration = 2.0
-coefficients = [
-  { material_a = "wood", material_b = "pad", restitution = 0.0, friction = 0.7 },
-  { material_a = "pad", material_b = "pad", restitution = 0.0, friction = 0.7 },
-]
-
-[[bodies]]
-name = "cube"
-kind = "simulated"
-material = "wood"
-position = [0.0, 0.0, 0.5]
-mass = 0.1
-pieces = [{ name = "cube", shape = { half_extents = [0.02, 0.02, 0.02] } }]
-"""
-PAD = """
-[[bodies]]
-name = "NAME"
-kind = "driven"
-material = "pad"
-mass = 0.5
-pieces = [{ name = "NAME", shape = { half_extents = [0.01, 0.03, 0.06] } }]
-
-[[trackers]]
-root = "NAME"
-times = [0.0, 0.1, 2.0]
-positions = [[SIGN0.0305, 0.0, 0.5], [SIGN0.02, 0.0, 0.5], [SIGN0.02, 0.0, 0.5]]
-orientations = [[1.0, 0, 0, 0], [1.0, 0, 0, 0], [1.0, 0, 0, 0]]
-interpolation = "linear"
-stiffness = 2000.0
-damping = 63.25
-"""
+def squeeze():
+    """Two pads squeeze a cube of 0.1 kg with 20 N."""
+    cube = block("cube", "wood", (0.02, 0.02, 0.02), 0.1, (0.0, 0.0, 0.5))
+    pads, trackers, still = [], [], ((1.0, 0.0, 0.0, 0.0),) * 3
+    for name, side in (("left", -1.0), ("right", 1.0)):
+        pads.append(block(name, "pad", (0.01, 0.03, 0.06), 0.5, kind="driven"))
+        path = tuple((side * x, 0.0, 0.5) for x in (0.0305, 0.02, 0.02))
+        servo = {"interpolation": "linear", "stiffness": 2000.0, "damping": 63.25}
+        trackers.append(Tracker(name, (), (0.0, 0.1, 2.0), path, still, ((),) * 3, **servo))
+    pairs = tuple(PairCoefficients(other, "pad", 0.0, 0.7) for other in ("wood", "pad"))
+    return Scenario("squeeze", "two pads squeeze", (), (cube, *pads), 2.0, pairs, trackers=tuple(trackers))
 
 
 @pytest.mark.engines
 def test_the_first_line_of_an_own_scene_names_the_farthest_body(touchstone, tmp_path):
     """The paper's pipeline drops a cube by metres that `balanced` holds; no limit judges it."""
-    pads = (PAD.replace("NAME", name).replace("SIGN", sign) for name, sign in (("left", "-"), ("right", "")))
-    (tmp_path / "squeeze.toml").write_text(SQUEEZE + "".join(pads))
+    (tmp_path / "squeeze.toml").write_text(scene_toml(squeeze()))
     code, out, err = touchstone(
         "run squeeze.toml --engine reference --profile balanced --profile paper --out run"
     )
