@@ -51,6 +51,7 @@ from touchstone.reference_impl.continuous.driver_motion import (
     keep_in_limits,
     note_curves,
     note_paths,
+    predict_turns,
     repeat_pushes,
     weigh_for_impacts,
 )
@@ -468,8 +469,11 @@ def _prepare_resting_contacts(world, count, h):
     bodies, pairs, state = world.bodies, world.pairs, world.state
     if state["moving_surfaces"] == 1:
         place_surfaces(bodies, world.pieces, pairs, count)
-    for d in range(state["driven_count"], len(world.drivers)):
-        set_drifts(bodies, world.joints, world.drivers[d])
+    for d in range(len(world.drivers)):
+        if d >= state["driven_count"]:
+            set_drifts(bodies, world.joints, world.drivers[d])
+        elif world.drivers[d]["loops"] == 1:
+            predict_turns(bodies, world.joints, world.drivers[d], h, state["dt"])
     smooth = state["dense_substep"] == 0 and count <= CURVED_ROWS and state["halvings"] < HALVINGS
     for k in range(count):
         pair = pairs[k]

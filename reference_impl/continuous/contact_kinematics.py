@@ -59,7 +59,7 @@ def contact_rates(bodies, pieces, pair):
     a, b = bodies[pair["body_a"]], bodies[pair["body_b"]]
     one, two = pieces[pair["piece_a"]], pieces[pair["piece_b"]]
     n = vector_of(pair["start_normal"])
-    turn_a, turn_b = cross(_omega(a), n), cross(_omega(b), n)
+    turn_a, turn_b = cross(omega_of(a), n), cross(omega_of(b), n)
     v_a, v_b = velocity_at(a, pair["point_a"]), velocity_at(b, pair["point_b"])
     flat_a, flat_b = pair["flat_a"], pair["flat_b"]
     to_a, to_b = _height(pair["point_a"], pair["point"], n), _height(pair["point_b"], pair["point"], n)
@@ -130,7 +130,7 @@ def fastest_turn(bodies, pieces, pair, rate):
     for side in range(2):
         body = bodies[pair["body_b"] if side else pair["body_a"]]
         piece = pieces[pair["piece_b"] if side else pair["piece_a"]]
-        w = _omega(body)
+        w = omega_of(body)
         if piece["kind"] == SPHERE:
             arm = plus(vector_of(piece["world_position"]), -1.0, vector_of(body["center"]))
             size = dot(arm, arm)
@@ -231,7 +231,7 @@ def _height(q, p, n):
 
 
 @kernel
-def _omega(body):
+def omega_of(body):
     """Angular velocity of a body; 0 if it does not move within a substep."""
     if not is_moving(body):
         return 0.0, 0.0, 0.0

@@ -15,12 +15,15 @@ from math import sqrt
 
 from touchstone.reference_impl.continuous.contact_kinematics import (
     contact_rates,
+    core_radius,
     fastest_turn,
     is_central,
     is_moving,
+    omega_of,
     velocity_at,
 )
 from touchstone.reference_impl.core.conventions import (
+    ELLIPSOID,
     GAP_LEFT,
     NEVER,
     NO_FLOOR,
@@ -29,7 +32,7 @@ from touchstone.reference_impl.core.conventions import (
     SPHERE,
 )
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_vector, dot
+from touchstone.reference_impl.core.rotation import copy_vector, cross, dot, plus, times, vector_of
 
 BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
 """Motion along a normal by which the rotation of bodies may part a resting pair within a substep [m], and
@@ -40,6 +43,10 @@ END_RATE, END_ROUNDING = 1.3e-3, 1e-15
 that of the corrected law. And an error which is rounding [m]."""
 CURVED_PARTS = 64
 """Most substeps of a frame for the accuracy of curved contacts."""
+STUCK_SHARE = 0.1
+"""Slip over the velocity by which a driven body turns its side of a contact, below which it sticks [1]."""
+TURN_TERMS = 10
+"""Terms of the series of a rotation by at most LARGEST_TURN in half a substep: the rest is rounding [1]."""
 LARGEST_TURN = 0.5
 """Turn of a normal within half a substep beyond which its geometry is not predicted [rad]."""
 
@@ -235,6 +242,12 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     # n - n_mid
     x, y, z = n[0] - x, n[1] - y, n[2] - z
     change = out_bias[0] * x + out_bias[1] * y + out_bias[2] * z
+    if _sticks_to_driven(a, b, pieces, pair, dot(out_bias, out_bias)):
+        driven, out_bias[:] = b if a["kind"] == SIMULATED else a, 0.0
+        rise = times(0.5, plus(vector_of(driven["path_omega"]), -1.0, vector_of(driven["omega"])))
+        _turn_lever(a, p, rise, 2 * half, -1.0, out_lever_a, out_bias)
+        _turn_lever(b, p, rise, 2 * half, 1.0, out_lever_b, out_bias)
+        return turned
     _set_lever(a, p, half, way, out_lever_a)
     _set_lever(b, p, half, way, out_lever_b)
     x, y, z = velocity_at(a, out_lever_a)
@@ -244,6 +257,42 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     out_bias[1] += v - y + change * out_normal[1]
     out_bias[2] += w - z + change * out_normal[2]
     return turned
+
+
+@kernel
+def _sticks_to_driven(a, b, pieces, pair, slip2):
+    """Whether a contact with a driven body in the loop, whose slip has the square `slip2` [m2/s2], stays
+    where it is on both bodies: its levers then turn with them. On curved surfaces it rolls."""
+    driven = b if a["kind"] == SIMULATED else a
+    if driven["kind"] == SIMULATED or not is_moving(driven) or pair["friction"] == 0:
+        return False
+    n = vector_of(pair["start_normal"])
+    for side in range(2):
+        piece = pieces[pair["piece_b"] if side else pair["piece_a"]]
+        rolls = piece["kind"] == ELLIPSOID or core_radius(piece, pair["point"], n) > 0
+        if rolls and (pair["flat_b"] if side else pair["flat_a"]) != 2:
+            return False
+    arm = plus(vector_of(pair["point"]), -1.0, vector_of(driven["center"]))
+    way = cross(omega_of(driven), arm)
+    return slip2 < STUCK_SHARE * STUCK_SHARE * dot(way, way)
+
+
+@kernel
+def _turn_lever(body, p, rise, h, sign, out_lever, out_bias):
+    """Move a lever that turns with its body to its mean over a substep of length h [s]: times the mean
+    angular velocity, larger by `rise` than that of the start, it gives the way of its point. Adds `sign`
+    times the change of velocity from there to the end."""
+    w, c = omega_of(body), vector_of(body["center"])
+    w, last = plus(w, 1.0, rise), plus(w, 2.0, rise)
+    term = mean = end = plus(vector_of(p), -1.0, c)
+    # the series of the rotation by w h, and of its mean
+    for n in range(1, TURN_TERMS):
+        term = times(h / n, cross(w, term))
+        mean, end = plus(mean, 1 / (n + 1), term), plus(end, 1.0, term)
+    late = cross(last, plus(end, -1.0, mean))
+    for i in range(3):
+        out_lever[i] = c[i] + mean[i]
+        out_bias[i] += sign * late[i]
 
 
 @kernel

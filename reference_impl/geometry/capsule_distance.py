@@ -15,7 +15,7 @@ from touchstone.reference_impl.core.conventions import (
     TOUCHING_DISTANCE_SHARE,
 )
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import cross, dot, plus, times, vector_of
+from touchstone.reference_impl.core.rotation import cross, dot, plus, vector_of
 
 
 @kernel
@@ -110,7 +110,7 @@ def _write_contact(one, two, s, t, w, out_pair):
     """Write the distance, normal and witnesses of core points with the vector w, or parallel to it, between
     them; the distance is that of w."""
     length = sqrt(dot(w, w))
-    n = times(1 / length, w)
+    n = (w[0] / length, w[1] / length, w[2] / length)
     p = plus(plus(one[0], s, one[1]), one[2], n)
     q = plus(plus(two[0], t, two[1]), -two[2], n)
     for i in range(3):

@@ -11,7 +11,7 @@ import pytest
 from touchstone.adapters.contract import Settings
 from touchstone.adapters.recorder import record
 from touchstone.adapters.registry import ACCURATE, ENGINES
-from touchstone.reports.studies.calibration import G, Probe, motion_of, restitution_of
+from touchstone.reports.studies.calibration import G, Probe, ProbeTask, measure, restitution_of
 from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, Sphere
 from touchstone.scenarios.solids import box_inertia, sphere_inertia
 
@@ -20,7 +20,8 @@ ENGINE_NAMES = [name for name in ENGINES if name != "reference"]
 
 def restitutions(engine, settings: Settings, e: float, *speeds: float) -> list[float]:
     """What a ball returns at approach speeds, landing in the middle of a step."""
-    motion = motion_of(engine, Probe("sphere-box", "restitution", e, speeds, (0.5,)), settings)
+    probe = Probe("sphere-box", "restitution", e, speeds, (0.5,))
+    motion = measure(engine, ProbeTask(engine.name, settings, probe))
     bodies = zip(motion.gap.T, motion.velocity[..., 2].T)
     return [restitution_of(gap, rate, G, settings.dt) for gap, rate in bodies]
 
