@@ -1,9 +1,10 @@
-"""Cylinders and cones on the reference by closed forms: rolling, sliding, standing, tipping, a loaded rim."""
+"""Cylinders and cones on the reference by closed forms: rolling, sliding, standing, tipping; rims and edges."""
 
-from math import asin, atan, cos, radians, sin, sqrt
+from math import asin, atan, atan2, cos, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from touchstone.adapters.contract import Settings
@@ -15,7 +16,7 @@ from touchstone.scenarios.catalogue import find
 from touchstone.scenarios.closed_form import motion
 from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario, vector
-from touchstone.scenarios.solids import block, cone, cylinder, half_space, slab
+from touchstone.scenarios.solids import block, capsule, cone, cylinder, half_space, slab
 
 ROLLED = 2e-4
 """Distance of a cone that has rolled for 3 s from its closed form, at 1/60 s [m]."""
@@ -75,6 +76,45 @@ def test_a_cylinder_bears_a_load_near_its_rim() -> None:
     bearing = block("load", "wood", (0.004, 0.004, 0.01), 1.0, (*arm.tolist(), 0.09))
     recording = play(slab("floor", "wood"), post, bearing, mu=0.5).recording
     assert np.abs(recording.position - recording.position[0]).max() < 1e-5
+
+
+@pytest.mark.parametrize("shape", ["cylinder", "capsule"])
+def test_a_log_rests_between_two_edges(shape: str) -> None:
+    """Lie still on the edges of two blocks: it touches each along its side, not at one end."""
+    lies, edge, high = quaternion(Rotation.from_rotvec((pi / 2, 0.0, 0.0))), 0.06, 0.08
+    make = {"cylinder": cylinder, "capsule": capsule}[shape]
+    log = make("log", "wood", 0.1, 0.2, 1.0, (0.0, 0.0, high), lies)
+    sides = [
+        block(name, "wood", (0.3, 0.5, 0.2), 0.0, (x, 0.0, -0.2), kind="fixed")
+        for name, x in (("west", -0.3 - edge), ("east", 0.3 + edge))
+    ]
+    recording = play(*sides, log, mu=0.3).recording
+    assert np.abs(recording.position - recording.position[0]).max() < 1e-6
+    assert np.abs(recording.angular_velocity[-1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("shape", ["cylinder", "capsule"])
+@pytest.mark.parametrize("half_length", [0.03, 0.2])
+def test_a_log_rolls_off_an_edge(shape: str, half_length: float) -> None:
+    """Roll about the edge by which it touches, without loss: r a'' (1 + I / (m r^2)) = g sin(a)."""
+    radius, start, duration = 0.1, 0.1, 0.3
+    ridge = block(
+        *("ridge", "wood", (0.1, 0.3, 0.1), 0.0, (0.0, 0.0, -0.1 * sqrt(2))),
+        quaternion(Rotation.from_rotvec((0.0, pi / 4, 0.0))),
+        kind="fixed",
+    )
+    make = {"cylinder": cylinder, "capsule": capsule}[shape]
+    lies = quaternion(Rotation.from_rotvec((pi / 2, 0.0, 0.0)))
+    log = make("log", "wood", radius, half_length, 1.0, (radius * sin(start), 0.0, radius * cos(start)), lies)
+    context = play(ridge, log, mu=0.8, duration=duration)
+    turning = radius * (1 + log.inertia[2][2] / radius**2)
+    rolled = solve_ivp(
+        lambda _, y: (y[1], 9.81 * sin(y[0]) / turning), (0.0, duration), (start, 0.0), rtol=1e-12, atol=1e-14
+    )
+    x, y, z = context.recording.position[-1, 1]
+    assert atan2(x, z) == pytest.approx(rolled.y[0, -1], abs=1e-4)
+    assert abs(y) < 1e-9
+    assert np.ptp(mechanical_energy(context, [1])) < 1e-8
 
 
 SPUN = {"coin": ((0.9, 0.2, 0.0), (1.0, 2.0, 12.0)), "cone": ((2.3, 0.4, 0.0), (3.0, 2.0, 12.0))}

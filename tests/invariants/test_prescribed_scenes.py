@@ -2,14 +2,28 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from touchstone.adapters.contract import Unsupported
-from touchstone.adapters.registry import ENGINES
+from touchstone.adapters.contract import Settings, Unsupported
+from touchstone.adapters.recorder import record
+from touchstone.adapters.registry import ENGINES, load
 from touchstone.reports.metrics.contacts.overlap import contact_gap, overlap_max
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import energy_drive, energy_rise
-from touchstone.scenarios.avatar.tracking import sample
+from touchstone.scenarios.avatar.tracking import keyframed, sample
 from touchstone.scenarios.catalogue import catalogue, tagged
+from touchstone.scenarios.orientations import quaternion
+from touchstone.scenarios.scenario import (
+    IDENTITY,
+    Body,
+    Box,
+    Cylinder,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    vector,
+)
+from touchstone.scenarios.solids import solid
 
 FARTHEST = {
     "prescribed": {"reference": 2e-2, "dart": 1e-3, "bullet": 5e-3, "mujoco": 1e-2},
@@ -31,8 +45,8 @@ def loaded(registry):
             context = Context(registry.played(scene, engine), catalogue()[scene])
         except Unsupported as reason:
             pytest.skip(str(reason))
-        for load, truth in context.truths.items():
-            away = np.linalg.norm(context.mass_centers[:, load] - truth.position, axis=1)
+        for body, truth in context.truths.items():
+            away = np.linalg.norm(context.mass_centers[:, body] - truth.position, axis=1)
             assert away.max() < FARTHEST[tag][engine]
         return context
 
@@ -72,3 +86,34 @@ def test_loads_on_prescribed_bodies(loaded, engine, scene):
     if scene in ("platform_lift", "platform_stick", "shaker_along"):
         ((pair, gap),) = contact_gap(context).items()
         assert (pair, abs(gap) < DEEPEST) == ("platform-load", True)
+
+
+@pytest.mark.parametrize(
+    ("shape", "axis", "angle"),
+    [
+        *((shape, (0.0, 0.0, 1.0), lambda t: 3.0 * t) for shape in ("box", "cylinder")),
+        *((shape, (0.0, 0.0, 1.0), lambda t: 0.8 * t * t) for shape in ("box", "cylinder")),
+        ("box", (0.0, 1.0, 0.0), lambda t: 0.25 * (1 - np.cos(5 * t))),
+    ],
+)
+def test_what_sticks_to_a_turning_body_turns_with_it(shape, axis, angle):
+    """A load on a table that turns, starts to turn or swings stays where it is on it: levers that left their
+    arcs along the tangent moved it forward by omega^3 r h^2 / 6 in a second, 1 mm."""
+    times = np.arange(0.0, 1.2, 1 / 120)
+    turns = [quaternion(Rotation.from_rotvec(np.multiply(axis, angle(t)))) for t in times]
+    tracker = keyframed("table", times, np.zeros((len(times), 3)), turns)
+    table = Body("table", "prescribed", "wood", (Piece("table", Box((1.0, 1.0, 0.05))),))
+    place = np.array((0.5, 0.0, 0.07))
+    spin = np.multiply(axis, (angle(1e-6) - angle(0.0)) / 1e-6)
+    form = Box((0.03, 0.03, 0.02)) if shape == "box" else Cylinder(0.03, 0.02)
+    body = solid(
+        "load", "wood", form, 1.0, vector(place), IDENTITY, vector(np.cross(spin, place)), vector(spin)
+    )
+    pair = PairCoefficients("wood", "wood", 0.0, 3.0)
+    scene = Scenario("test", "", (), (table, body), 1.0, (pair,), trackers=(tracker,))
+    played = record(load("reference"), scene, Settings("balanced", 1 / 60))
+    turned = Rotation.from_quat(played.orientation[:, 0], scalar_first=True)
+    held = turned.inv().apply(played.position[:, 1])
+    # it slides until the table has its speed
+    assert np.abs(held[6:] - held[6]).max() < 1e-8
+    assert np.abs(held[6] - place).max() < 1e-5
