@@ -1,4 +1,4 @@
-"""Cylinders and cones on the reference by closed forms: rolling, sliding, standing, tipping; rims and edges."""
+"""Cylinders and cones on the reference by closed forms: they roll, slide, stand, tip; rims and edges."""
 
 from math import asin, atan, atan2, cos, pi, radians, sin, sqrt
 
