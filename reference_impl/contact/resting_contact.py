@@ -51,7 +51,7 @@ from touchstone.reference_impl.continuous.driver_motion import (
     keep_in_limits,
     note_curves,
     note_paths,
-    predict_turns,
+    predict_turn,
     repeat_pushes,
     weigh_for_impacts,
 )
@@ -472,8 +472,8 @@ def _prepare_resting_contacts(world, count, h):
     for d in range(len(world.drivers)):
         if d >= state["driven_count"]:
             set_drifts(bodies, world.joints, world.drivers[d])
-        elif world.drivers[d]["loops"] == 1:
-            predict_turns(bodies, world.joints, world.drivers[d], h, state["dt"])
+        elif world.drivers[d]["loops"] == 1 and world.drivers[d]["prescribed"] == 1:
+            predict_turn(bodies, world.drivers[d], h, state["dt"])
     smooth = state["dense_substep"] == 0 and count <= CURVED_ROWS and state["halvings"] < HALVINGS
     for k in range(count):
         pair = pairs[k]

@@ -44,7 +44,7 @@ that of the corrected law. And an error which is rounding [m]."""
 CURVED_PARTS = 64
 """Most substeps of a frame for the accuracy of curved contacts."""
 STUCK_SHARE = 0.1
-"""Slip over the velocity by which a driven body turns its side of a contact, below which it sticks [1]."""
+"""Slip below which a contact on a prescribed body sticks, over the velocity by which that turns [1]."""
 TURN_TERMS = 10
 """Terms of the series of a rotation by at most LARGEST_TURN in half a substep: the rest is rounding [1]."""
 LARGEST_TURN = 0.5
@@ -242,9 +242,9 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     # n - n_mid
     x, y, z = n[0] - x, n[1] - y, n[2] - z
     change = out_bias[0] * x + out_bias[1] * y + out_bias[2] * z
-    if _sticks_to_driven(a, b, pieces, pair, dot(out_bias, out_bias)):
-        driven, out_bias[:] = b if a["kind"] == SIMULATED else a, 0.0
-        rise = times(0.5, plus(vector_of(driven["path_omega"]), -1.0, vector_of(driven["omega"])))
+    if _sticks_to_path(a, b, pieces, pair, dot(out_bias, out_bias)):
+        support, out_bias[:] = a if a["prescribed"] == 1 else b, 0.0
+        rise = times(0.5, plus(vector_of(support["path_omega"]), -1.0, vector_of(support["omega"])))
         _turn_lever(a, p, rise, 2 * half, -1.0, out_lever_a, out_bias)
         _turn_lever(b, p, rise, 2 * half, 1.0, out_lever_b, out_bias)
         return turned
@@ -260,20 +260,20 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
 
 
 @kernel
-def _sticks_to_driven(a, b, pieces, pair, slip2):
-    """Whether a contact with a driven body in the loop, whose slip has the square `slip2` [m2/s2], stays
+def _sticks_to_path(a, b, pieces, pair, slip2):
+    """Whether a contact with a body on a prescribed path, whose slip has the square `slip2` [m2/s2], stays
     where it is on both bodies: its levers then turn with them. On curved surfaces it rolls."""
-    driven = b if a["kind"] == SIMULATED else a
-    if driven["kind"] == SIMULATED or not is_moving(driven) or pair["friction"] == 0:
+    if a["prescribed"] + b["prescribed"] != 1 or pair["friction"] == 0:
         return False
+    support = a if a["prescribed"] == 1 else b
     n = vector_of(pair["start_normal"])
     for side in range(2):
         piece = pieces[pair["piece_b"] if side else pair["piece_a"]]
         rolls = piece["kind"] == ELLIPSOID or core_radius(piece, pair["point"], n) > 0
         if rolls and (pair["flat_b"] if side else pair["flat_a"]) != 2:
             return False
-    arm = plus(vector_of(pair["point"]), -1.0, vector_of(driven["center"]))
-    way = cross(omega_of(driven), arm)
+    arm = plus(vector_of(pair["point"]), -1.0, vector_of(support["center"]))
+    way = cross(omega_of(support), arm)
     return slip2 < STUCK_SHARE * STUCK_SHARE * dot(way, way)
 
 

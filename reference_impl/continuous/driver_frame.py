@@ -89,6 +89,6 @@ def leave_loop(bodies, joints, driver, dt):
 def _set_moving(bodies, joints, driver, moves):
     for k in range(driver["joint_count"] + 1):
         link = bodies[link_of(joints, driver, k)]
-        link["moves"] = moves
+        link["moves"], link["prescribed"] = moves, moves * driver["prescribed"]
         # links outside the loop stand still within a frame
         link["curve"][:] = link["curve_turn"][:] = 0.0

@@ -206,21 +206,17 @@ def keep_in_limits(joints, driver, h, dt):
 
 
 @kernel
-def predict_turns(bodies, joints, driver, h, dt):
-    """Set the `path_omega` of a driver's links before a substep of length h is solved: that of a prescribed
-    body tells its turn, those of others are the present velocities."""
-    for k in range(driver["joint_count"] + 1):
-        link = bodies[link_of(joints, driver, k)]
-        copy_vector(link["omega"], link["path_omega"])
-    if driver["prescribed"] == 1:
-        root = bodies[driver["root"]]
-        follow_path(driver, driver["clock"] + h, dt)
-        rotation_between(driver["old_orientation"], driver["orientation"], root["path_omega"])
-        for i in range(3):
-            root["path_omega"][i] = 2 / h * root["path_omega"][i] - root["omega"][i]
-        _return_pose(joints, driver)
-        copy_vector(driver["old_velocity"], driver["velocity"])
-        copy_vector(driver["old_omega"], driver["omega"])
+def predict_turn(bodies, driver, h, dt):
+    """Set the `path_omega` of a prescribed body before a substep of length h is solved."""
+    root = bodies[driver["root"]]
+    follow_path(driver, driver["clock"] + h, dt)
+    rotation_between(driver["old_orientation"], driver["orientation"], root["path_omega"])
+    for i in range(3):
+        root["path_omega"][i] = 2 / h * root["path_omega"][i] - root["omega"][i]
+    copy_vector(driver["old_position"], driver["position"])
+    copy_quaternion(driver["old_orientation"], driver["orientation"])
+    copy_vector(driver["old_velocity"], driver["velocity"])
+    copy_vector(driver["old_omega"], driver["omega"])
 
 
 @kernel

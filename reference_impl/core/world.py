@@ -82,6 +82,7 @@ BODY = record(
     shown_center=VECTOR,  # of a link, at the start of a frame
     shown_orientation=QUATERNION,
     # motion over a substep (`swept_motion`)
+    prescribed="i8",  # 1: it moves in the loop along a prescribed path
     moves="i8",  # 0: it does not move, and the fields below are ignored
     travel=VECTOR,  # of the centre of mass: at fraction s, s travel + s^2 travel_bend [m]
     travel_bend=VECTOR,
