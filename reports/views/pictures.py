@@ -34,13 +34,13 @@ POWERS = "replace(format(datum.value, datum.value < 1e-3 || datum.value > 1e5 ? 
 
 
 def color_of(engine: str) -> str:
-    """Colour of an engine in pictures."""
-    return ENGINES[engine].color
+    """Colour of an engine in pictures; of one that this installation does not know, that of text."""
+    return ENGINES[engine].color if engine in ENGINES else INK
 
 
 def marker_of(engine: str) -> str:
-    """Marker of an engine in pictures."""
-    return ENGINES[engine].marker
+    """Marker of an engine in pictures; of one that this installation does not know, a circle."""
+    return ENGINES[engine].marker if engine in ENGINES else "circle"
 
 
 def detector_color(name: str) -> str:
@@ -85,8 +85,8 @@ def save(chart: Any, path: Path, title: str = "", note: str = "", kind: str = "p
 
 def looks(engines: Iterable[str]) -> Looks:
     """Colour and shape of marks by their column `engine`."""
-    known = [name for name in engines if name in ENGINES]
-    return encoded(map(color_of, known), map(marker_of, known), known)
+    names = list(engines)
+    return encoded(map(color_of, names), map(marker_of, names), names)
 
 
 def detector_looks(names: Iterable[str]) -> Looks:
