@@ -242,7 +242,7 @@ def test_a_broken_invariant_of_ours_is_reported_by_its_message(session):
     suite = ("--touchstone-engine", "toy_engine:ToyEngine", "--touchstone-tag", "isolated")
     code, reported = session(*suite, "-k", "break_15 and order_independent")
     assert code == 1
-    assert re.search(r"\norder is 0\.4\d+ m, limit 1e-06 m: break_15 \(toy, default, step 1/240 s\)", reported)
+    assert re.search(r"\norder is 0\.4\d+ m, .*: break_15 \(toy, default, step 1/240 s\)", reported)
     assert "pluggy" not in reported.partition("FAILURES")[2]
 
 
