@@ -202,8 +202,8 @@ def signed_distance(
     along a direction contradicts is replaced by the largest gap found. Of nearly
     touching pieces EPA may end at the opposite face, which a query with a finer tolerance corrects, or fail,
     which one with a coarser tolerance corrects. Of cylinders and cones that nearly touch it may return a
-    distance that the pieces do not have along its normal: of all queries, the largest gap along a normal is
-    then returned.
+    distance that the pieces do not have along its normal: the largest gap along a normal of all queries is
+    then returned or, if no query has a normal that proves its distance, the largest gap found.
     """
     value, normal, middle = _asked(shape_a, pose_a, shape_b, pose_b, TOLERANCE)
     for least, tolerance in (
@@ -233,6 +233,8 @@ def signed_distance(
             own = gaps_along(shape_a, pose_a, shape_b, pose_b, way[None])[0][0]
             if own > gap:
                 gap, normal, middle = own, way, place
+    if value - gap > UNPROVEN and (found := _largest_gap(shape_a, pose_a, shape_b, pose_b, gap)):
+        return found
     return float(gap), normal, middle
 
 

@@ -155,7 +155,10 @@ def solve_resting_contacts(world, count, time, h):
             _correct_velocities(world, count, h)
             _solve_positions(world, count, h, True)
         if len(drivers) > 0:
-            while _find_limits(world, h):
+            # each joint at most at one limit after the other
+            for _ in range(2 * len(world.joints)):
+                if not _find_limits(world, h):
+                    break
                 start_again(world, count)
                 h = _solve_velocities(world, count, h)
                 _solve_positions(world, count, h, False)

@@ -189,17 +189,18 @@ def advance_hinges(joints, driver, t, h, dt, share):
 @kernel
 def find_limits(joints, driver):
     """Make rows of the limits that are exceeded at the hinges' present angles, those at the end of a substep;
-    returns whether any is new."""
+    returns whether any is new. What has left one limit may reach the other."""
     found = False
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
-        joint = joints[k]
-        if joint["coordinate"] < 0 or joint["limited"] != 0:
+        joint, side = joints[k], 0
+        if joint["coordinate"] < 0 or (joint["limited"] != 0 and joint["limit_impulse"] != 0):
             continue
         if joint["angle"] < joint["lower"] - LIMIT_ROUNDING:
-            joint["limited"], found = 1, True
+            side = 1
         elif joint["angle"] > joint["upper"] + LIMIT_ROUNDING:
-            joint["limited"], found = -1, True
-        if joint["limited"] != 0:
+            side = -1
+        if side != 0 and side != joint["limited"]:
+            joint["limited"], found = side, True
             joint["limit_impulse"] = joint["shift_limit_impulse"] = 0.0
     return found
 

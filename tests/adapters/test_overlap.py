@@ -108,6 +108,24 @@ def test_cylinders_that_nearly_touch(lab):
         assert distance == pytest.approx(found.distance, abs=ASKED)
 
 
+def test_cylinders_that_coal_has_no_normal_for():
+    """Of two cylinders that touch, every query of coal has a normal along which they overlap by 8 cm."""
+    turns = (
+        Rotation.from_quat(turn, scalar_first=True)
+        for turn in (
+            (0.5251719927632265, -0.5144367030651386, 0.48322077129974494, -0.4754439427956273),
+            (0.7690925916425706, 0.06588443186682218, 0.6324324143124519, -0.06469210496670673),
+        )
+    )
+    one = (-0.19902261904403742, 0.011943990170979052, 0.05419375681701201), next(turns)
+    two = (-0.09790527245565267, 0.08183073563219312, 0.07568101096966151), next(turns)
+    distance, _, _ = apart(
+        Cylinder(0.0539899373801372, 0.05510982207834194), one,
+        Cylinder(0.070981266973162, 0.0302269013744767), two,
+    )  # fmt: skip
+    assert distance == pytest.approx(0.0, abs=1e-7)
+
+
 def test_hulls_against_the_explicit_minkowski_difference():
     """Distance and depth of random elliptic hulls, near and deep, agree with the slow and obvious answer."""
     rng = np.random.default_rng(5)
