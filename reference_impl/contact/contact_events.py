@@ -250,17 +250,25 @@ def slip_turn_share(bodies, pairs, count, state):
     longer than the substep."""
     most = 0.0
     for k in range(count):
-        most = max(most, slip_turn(bodies, pairs[k], state))
+        if _is_led(bodies, pairs[k]):
+            most = max(most, slip_turn(bodies, pairs[k], state))
     return SLIP_TURN_SHARE * SLIP_TURN / most if most > SLIP_TURN else NEVER
+
+
+@inlined_kernel
+def _is_led(bodies, pair):
+    """Whether a pair obeys the law of positions."""
+    return bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
 
 
 @kernel
 def slip_turn(bodies, pair, state):
-    """Turn of the direction in which a row slides over the substep, in an island with a driver [rad]; 0 if it
-    does not slide throughout. What slides back has stopped within (`first_stop`)."""
+    """Turn of the direction in which a row slides over the substep [rad]; 0 if it does not slide throughout,
+    and by the law of positions on bodies that are not prescribed. What slides back has stopped within
+    (`first_stop`)."""
     p, slip, v = pair["resting_impulse"], _slip(pair), state["velocity"]
-    led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
-    if not led or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
+    follows = is_carried(state) or not _is_led(bodies, pair)
+    if not follows or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
         return 0.0
     v_n = final_velocity(bodies, pair, state)
     across, along = sqrt(max(0.0, dot(v, v) - v_n * v_n)), along_slip(pair, v) / slip

@@ -143,7 +143,7 @@ def solve_resting_contacts(world, count, time, h):
         carried = _follows_slip(count, state)
         if carried or (state["statics"] == 1 and state["dense_substep"] == 0):
             h = _end_at_onset(world, count, h)
-        if carried:
+        if state["dense_substep"] == 0 and count <= CURVED_ROWS:
             _turn_friction(world, count, h)
         _solve_positions(world, count, h, False)
         if state["jams"] == 1:
