@@ -264,10 +264,10 @@ def _is_led(bodies, pair):
 @kernel
 def slip_turn(bodies, pair, state):
     """Turn of the direction in which a row slides over the substep [rad]; 0 if it does not slide throughout,
-    and by the law of positions on bodies that are not prescribed. What slides back has stopped within
-    (`first_stop`)."""
+    and by the law of positions or under friction beyond mu on bodies that are not prescribed. What slides
+    back has stopped within (`first_stop`)."""
     p, slip, v = pair["resting_impulse"], _slip(pair), state["velocity"]
-    follows = is_carried(state) or not _is_led(bodies, pair)
+    follows = is_carried(state) or (state["statics"] + state["moments"] == 0 and not _is_led(bodies, pair))
     if not follows or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
         return 0.0
     v_n = final_velocity(bodies, pair, state)
