@@ -274,7 +274,7 @@ def _simulate(world):
         # bodies sink less in a shorter substep, and separation lifts them less
         wanted, sunk, lifted = 1.0, 0, False
         for _ in range(UNPAID_ATTEMPTS):
-            # an event at once: no force acted
+            # an event at the start: no force has acted
             if fraction * h <= TIME_MIN:
                 break
             if halved < OPEN_HALVINGS and state["residual"] > max(RESIDUAL_OPEN, state["past_residual"]):

@@ -243,7 +243,8 @@ def _predict(bodies, pieces, pair, half, out_lever_a, out_lever_b, out_normal, o
     x, y, z = n[0] - x, n[1] - y, n[2] - z
     change = out_bias[0] * x + out_bias[1] * y + out_bias[2] * z
     if _sticks_to_path(a, b, pieces, pair, dot(out_bias, out_bias)):
-        support, out_bias[:] = a if a["prescribed"] == 1 else b, 0.0
+        support = a if a["prescribed"] == 1 else b
+        out_bias[:] = 0.0
         rise = times(0.5, plus(vector_of(support["path_omega"]), -1.0, vector_of(support["omega"])))
         _turn_lever(a, p, rise, 2 * half, -1.0, out_lever_a, out_bias)
         _turn_lever(b, p, rise, 2 * half, 1.0, out_lever_b, out_bias)

@@ -25,7 +25,16 @@ from touchstone.reference_impl.core.conventions import (
     TOUCH_DISTANCE,
 )
 from touchstone.reference_impl.core.kernel import kernel
-from touchstone.reference_impl.core.rotation import copy_vector, cross, dot, plus, times, vector_of
+from touchstone.reference_impl.core.rotation import (
+    column,
+    copy_vector,
+    cross,
+    dot,
+    plus,
+    row,
+    times,
+    vector_of,
+)
 from touchstone.reference_impl.geometry.capsule_distance import (
     are_alongside,
     contact_at_end,
@@ -104,17 +113,17 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
             rows += _write_sides(one, two, pairs, k, rows)
         # in reverse: the appended rows start as copies of the pair's row, which the deepest point overwrites
         for c in range(count - 1, -1, -1):
-            row = k
+            target = k
             if c > 0:
                 if rows == len(pairs):
                     continue
                 pairs[rows] = pair
-                row = pair["next_point"] = rows
+                target = pair["next_point"] = rows
                 rows += 1
             elif state["lower"][0, 2] > pair["distance"] + WITNESS_ERROR:
                 # a cylinder may be deepest beside the line of its side that was clipped
                 continue
-            _write_point(state["lower"][c], face_on_a, pair["point_a"], state, pairs[row])
+            _write_point(state["lower"][c], face_on_a, pair["point_a"], state, pairs[target])
     return without_merged(pairs, touching, rows) if grouped else rows
 
 
@@ -431,21 +440,13 @@ def _round_feature(piece, sign, origin, state, depth, out_points):
 @kernel
 def _in_frame(frame, v):
     """A world vector in the contact frame."""
-    return (
-        frame[0, 0] * v[0] + frame[0, 1] * v[1] + frame[0, 2] * v[2],
-        frame[1, 0] * v[0] + frame[1, 1] * v[1] + frame[1, 2] * v[2],
-        frame[2, 0] * v[0] + frame[2, 1] * v[1] + frame[2, 2] * v[2],
-    )
+    return row(frame, 0, v), row(frame, 1, v), row(frame, 2, v)
 
 
 @kernel
 def _in_world(frame, v):
     """A vector of the contact frame in the world."""
-    return (
-        frame[0, 0] * v[0] + frame[1, 0] * v[1] + frame[2, 0] * v[2],
-        frame[0, 1] * v[0] + frame[1, 1] * v[1] + frame[2, 1] * v[2],
-        frame[0, 2] * v[0] + frame[1, 2] * v[1] + frame[2, 2] * v[2],
-    )
+    return column(frame, 0, v), column(frame, 1, v), column(frame, 2, v)
 
 
 @kernel

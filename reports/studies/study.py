@@ -121,6 +121,8 @@ def remarks(frame: pd.DataFrame, notes: Sequence[str]) -> Part:
     lines = []
     for row in rows_of(frame[frame.verdict.isin(["fail", "error", "known", *NOT_RUN])]):
         name = " ".join(filter(None, (row.scenario, row.metric, row.subject))) if row.metric != "run" else ""
-        value = f" {exact_number(row.value)}, limit {exact_number(row.limit)}" * (row.limit == row.limit)
+        value = ""
+        if row.limit == row.limit:
+            value = f" {exact_number(row.value)}, limit {exact_number(row.limit)}"
         lines.append(f"{row.verdict}: {row.engine}: {name}{value}: {row.reason}".replace(": :", ":"))
     return Part(notes=notes, lines=lines, wrap=True)

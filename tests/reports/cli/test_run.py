@@ -13,7 +13,7 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.results import COLUMNS, Row
 from touchstone.reports.run import study
 from touchstone.reports.runner import request
-from touchstone.reports.studies import calibration as calibration
+from touchstone.reports.studies import calibration
 from touchstone.reports.verdict.rows import NEEDED, measured
 from touchstone.scenarios.catalogue import catalogue
 
