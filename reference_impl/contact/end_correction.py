@@ -39,7 +39,7 @@ from touchstone.reference_impl.core.rotation import (
     vector_of,
 )
 from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
-from touchstone.reference_impl.geometry.shapes import place_piece
+from touchstone.reference_impl.geometry.shapes import has_rim, place_piece
 from touchstone.reference_impl.solver.islands import has_moment
 from touchstone.reference_impl.solver.mobility import point_velocity
 
@@ -83,12 +83,15 @@ def _end_geometry(world, a, b, pair, out_found):
     out_found["piece_a"], out_found["piece_b"] = pair["piece_a"], pair["piece_b"]
     if is_round(one) or is_round(two):
         if pair["manifold"] < 0:
+            n = vector_of(pair["start_normal"])
+            n_a, n_b = _in_body(a, n, 0.0), _in_body(b, n, 0.0)
             for side in range(2):
                 body = b if side else a
                 if is_moving(body):
                     pose_along(body, 1.0)
                     place_piece(two if side else one, body, world.vertices, 0.0)
-            return _nearest_pieces(world, a, b, pair, out_found)
+            found, m = _nearest_pieces(world, a, b, pair, out_found), vector_of(out_found["normal"])
+            return found and not (_crosses_cap(a, one, n_a, m) or _crosses_cap(b, two, n_b, m))
     n, flat_a, flat_b = vector_of(pair["start_normal"]), pair["flat_a"], pair["flat_b"]
     r_a, r_b = core_radius(one, pair["point_a"], n), core_radius(two, pair["point_b"], n)
     p = _in_body(a, plus(vector_of(pair["point_a"]), -r_a, n), 1.0)
@@ -131,6 +134,19 @@ def _end_geometry(world, a, b, pair, out_found):
     for i in range(3):
         out_found["normal"][i], out_found["point_a"][i], out_found["point_b"][i] = n[i], p[i], q[i]
     return True
+
+
+@kernel
+def _crosses_cap(body, piece, n, m):
+    """Whether a contact passes over a cap to the other side of its rim: the cap lands within the substep.
+
+    Args:
+        n: normal at the start, in the axes of the body.
+        m: normal at the end, where the body is.
+    """
+    r = piece["rotation"]
+    axis = (r[0, 2], r[1, 2], r[2, 2])
+    return has_rim(piece) and dot(cross(axis, n), cross(axis, _in_body(body, m, 0.0))) < 0
 
 
 @kernel

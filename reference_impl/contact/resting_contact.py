@@ -291,7 +291,7 @@ def _solve_velocities(world, count, h):
     """Apply forces over a substep and solve the law of velocities; returns the length of
     `solve_resting_contacts`."""
     bodies, pairs, state = world.bodies, world.pairs, world.state
-    most, extended, sought = h, False, True
+    most, extended, unloaded, sought = h, False, False, True
     state["jams"] = 0
     for k in range(RESTING_CONTACT_ROUNDS):
         turn_share = _prepare_resting_contacts(world, count, h)
@@ -321,7 +321,8 @@ def _solve_velocities(world, count, h):
                 exact = min(exact, curved_share(turned, h, state))
             if state["led_loop"] == 1 and state["led"] == 1:
                 exact = min(exact, _swing_share(world, count, h))
-            share, most = min(share, exact), min(most, exact * h)
+            # what carries no load until it was to stop does not stop then
+            share, most = min(NEVER if unloaded else share, exact), min(most, exact * h)
             if converged and starts_to_curve(pairs, count, h, state):
                 start_again(world, count)
                 forget_grips(pairs, count)
@@ -337,7 +338,7 @@ def _solve_velocities(world, count, h):
                     while _solve_with_grips(world, count, h) and release_grips(bodies, pairs, count, state):
                         pass
                 break
-            extended = True
+            extended, unloaded = True, share == NEVER and h < most
         if k == RESTING_CONTACT_ROUNDS - 1:
             state["counters"][CAP_HOLD_ROUNDS] += 1
             break
