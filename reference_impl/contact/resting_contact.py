@@ -31,6 +31,7 @@ from touchstone.reference_impl.contact.grip import (
 )
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
+from touchstone.reference_impl.contact.support_points import move_supports
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
 from touchstone.reference_impl.continuous.contact_motion import (
     bias_share,
@@ -117,6 +118,9 @@ CURVED_ROWS = 64
 takes."""
 HALVINGS = 16
 """Most halvings of such substeps in a frame; then their contacts stay as predicted."""
+SUPPORT_ROUNDS = 8
+"""Most exchanges of the points on which a face rests, in an attempt at a substep: each halves the arc of a
+rim between two of them."""
 RESTING_CONTACT_ROUNDS = 10
 """Attempts at a substep in which sliding contacts stop or bodies rotate; 1 or 2 are usual."""
 
@@ -301,6 +305,10 @@ def _solve_velocities(world, count, h):
             _prepare_resting_contacts(world, count, h)
         apply_forces(bodies, world.joints, world.drivers, VELOCITY_LEAD, h, state)
         converged = _solve_together(world, count, h)
+        for _ in range(SUPPORT_ROUNDS if state["dense_substep"] == 0 else 0):
+            if not (converged and move_supports(world, count, h)):
+                break
+            converged = _solve_with_grips(world, count, h)
         if state["statics"] == 1:
             while converged and release_grips(bodies, pairs, count, state):
                 converged = _solve_with_grips(world, count, h)

@@ -155,6 +155,7 @@ STATE = record(
     lower=("f8", (2 * FACE_CORNERS, 3)),
     upper=("f8", (2 * FACE_CORNERS, 3)),
     patch=("f8", (2 * FACE_CORNERS, 3)),  # points of a manifold with several pieces
+    toward=VECTOR,  # direction in which a cap shows a point of its rim, or 0
     # EPA's polytope (`epa.py`); unsigned 16-bit indices spare Numba's check for negative indices
     start=("u2", (4 * EPA_FACES,)),
     twin=("u2", (4 * EPA_FACES,)),

@@ -199,6 +199,7 @@ PAIR = record(
     next_row="i8",  # next row of its island, or -1
     solver_row="i8",  # its row in the solver while its island is loaded
     next_point="i8",  # next row of the manifold, or -1
+    reduced="i8",  # 1: its faces touch in more points than the manifold has
     key="f8",  # approach speed in the priority queue [m/s]
     speculative_speed="f8",  # approach speed allowed to a near pair, which closes its gap [m/s]
     piece_a="i8",

@@ -103,6 +103,7 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
         )
         if shared:
             count = _add_patch(pieces, vertices, pairs, k, touching, count, wide, state)
+        pair["reduced"] = 1 if not shared and (count > 4 or has_rim(a) or has_rim(b)) else 0
         count = _keep_four(state["lower"], count, max(0.0, pair["distance"]) + TOUCH_DISTANCE)
         if count < 2 and (has_rim(a) or has_rim(b)):
             # a contact in one point moves along the curved surface
@@ -125,6 +126,31 @@ def expand_manifolds(bodies, pieces, vertices, pairs, touching, wide, state):
                 continue
             _write_point(state["lower"][c], face_on_a, pair["point_a"], state, pairs[target])
     return without_merged(pairs, touching, rows) if grouped else rows
+
+
+@kernel
+def lowest_point(piece_a, piece_b, vertices, rate, speed, h, state, out_pair):
+    """Write to a copy of a row the touching point of its faces that is lowest after a time h [s].
+
+    Args:
+        rate: gradient (3,) of the speed at which B leaves A, along the contact plane [1/s].
+        speed: that speed at the row's witness on A [m/s].
+    Returns:
+        Gap of the point then [m].
+    """
+    for i in range(3):
+        state["toward"][i] = -rate[i]
+    count, face_on_a = _clipped_feature(piece_a, piece_b, vertices, out_pair, MERGED_NOT, False, state)
+    state["toward"][:] = 0.0
+    points, frame, best, least = state["lower"], state["mobility"], -1, NEVER
+    u, v, _ = _in_frame(frame, vector_of(rate))
+    for k in range(count):
+        gap = points[k, 2] + h * (speed + u * points[k, 0] + v * points[k, 1])
+        if points[k, 2] <= TOUCH_DISTANCE and gap < least:
+            best, least = k, gap
+    if best >= 0:
+        _write_point(points[best], face_on_a, out_pair["point_a"], state, out_pair)
+    return least
 
 
 @kernel
@@ -384,18 +410,21 @@ def _round_feature(piece, sign, origin, state, depth, out_points):
     """Write the touching feature of a cylinder or a cone along sign * z: four points of a cap's rim, the two
     ends of its side's lowest line, the lowest point of a rim, or a cone's apex; returns their number.
 
-    One of the four points is the lowest or, on a level cap, the one towards which gravity pulls.
+    One of the four points is that towards `state["toward"]` or, if this is 0, the lowest, on a level cap that
+    towards which gravity pulls.
     """
     frame, m, size = state["mobility"], piece["world_rotation"], piece["size"]
     x, y, z = _in_frame(frame, axis_of(piece))
     p, q, r = _in_frame(frame, plus(vector_of(piece["world_position"]), -1.0, vector_of(origin)))
     radius, cx, cy, cz = _cap_of(piece, sign, origin, frame, depth)
     if radius > 0:
-        u, v = x, y
-        if 2 * radius * sqrt(x * x + y * y) <= RIM_SLACK:
-            u, v, w = _in_frame(frame, vector_of(state["gravity"]))
-            if u * u + v * v <= LEAST_SLOPE * LEAST_SLOPE * (u * u + v * v + w * w):
-                u, v, _ = _in_frame(frame, (m[0, 0], m[1, 0], m[2, 0]))
+        u, v, _ = _in_frame(frame, vector_of(state["toward"]))
+        if u == 0 and v == 0:
+            u, v = x, y
+            if 2 * radius * sqrt(x * x + y * y) <= RIM_SLACK:
+                u, v, w = _in_frame(frame, vector_of(state["gravity"]))
+                if u * u + v * v <= LEAST_SLOPE * LEAST_SLOPE * (u * u + v * v + w * w):
+                    u, v, _ = _in_frame(frame, (m[0, 0], m[1, 0], m[2, 0]))
         # two directions in the plane of the cap
         along = u * x + v * y
         e = plus((u, v, 0.0), -along, (x, y, z))
