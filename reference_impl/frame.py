@@ -231,17 +231,6 @@ def _fly(world):
 
 
 @inlined_kernel
-def _length_to_event(h, fraction, longer, earlier):
-    """Length [s] at whose end the event comes that came at a fraction of the substep h, and at the fraction
-    `earlier` of one before it, if that was `longer`: what sinks by the error of a substep comes later in a
-    shorter one."""
-    if longer <= h or fraction <= earlier:
-        return fraction * h
-    way = (1 + ELAPSED_SHARE) / 2 - fraction
-    return max(0.5 * h, min(fraction * h, h - way * (longer - h) / (fraction - earlier)))
-
-
-@inlined_kernel
 def _simulate(world):
     """Simulated loop: advance to the earliest impact, resolve it, and repeat for the rest of the frame."""
     bodies, pieces, joints, drivers = world.bodies, world.pieces, world.joints, world.drivers
@@ -283,7 +272,7 @@ def _simulate(world):
         h, fraction = _substep(world, touching, time, h)
         # a contact may open and close again by the end: an earlier event leaves energy, so solve up to it;
         # bodies sink less in a shorter substep, and separation lifts them less
-        wanted, sunk, lifted, longer, earlier = 1.0, 0, False, h, 1.0
+        wanted, sunk, lifted = 1.0, 0, False
         for _ in range(UNPAID_ATTEMPTS):
             # an event at the start: no force has acted
             if fraction * h <= TIME_MIN:
@@ -300,7 +289,7 @@ def _simulate(world):
             elif fraction < wanted and (leads_to_end(drivers, state) or state["unpaid_energy"] > 0):
                 # such forces are exact at the end of a substep, not within
                 wanted = ELAPSED_SHARE
-                longer, earlier, h = h, fraction, _length_to_event(h, fraction, longer, earlier)
+                h *= fraction
             elif state["unpaid_energy"] > 0:
                 # first without the lift that no motion paid for, then over a shorter time
                 h *= UNPAID_SHARE * fraction if lifted else 1.0
