@@ -7,12 +7,12 @@ body. The hinges of a driver's chains are further movers of the solver, in block
 from math import sqrt
 
 from touchstone.reference_impl.continuous.hinge_motion import LIMIT_ROUNDING, limit_gap
-from touchstone.reference_impl.continuous.mechanism_dynamics import factorise
+from touchstone.reference_impl.continuous.mechanism_dynamics import factorise, solve_lower, solve_upper
 from touchstone.reference_impl.continuous.mechanism_motion import take_gains
 from touchstone.reference_impl.core.conventions import HINGE_BLOCKS, NO_FLOOR, SIMULATED
 from touchstone.reference_impl.core.counters import COUNT_LOST
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_vector
+from touchstone.reference_impl.core.rotation import copy_vector, dot
 from touchstone.reference_impl.core.solver_dtypes import (
     LINK_CAPACITY,
     MOMENT_CAPACITY,
@@ -40,6 +40,9 @@ from touchstone.reference_impl.solver.moment_rows import turn_mobility
 LOCKED = 1e-9
 """Mobility along a direction in which joints hold a body, over that in all directions [1]: it keeps a row's
 own solution finite, and vanishes from that of all rows."""
+LEAST_FREEDOM = 1e-6
+"""Squared sine of the angle between a normal and such a direction below which joints hold a contact along its
+normal [1]."""
 
 
 @kernel
@@ -167,7 +170,7 @@ def load_island(bodies, joints, drivers, pairs, head, h, state):
                 continue
             for i in range(3):
                 w[i, i] += LOCKED * trace
-            _drop_locked(solver, row, pair["bias"], bias_share * LOCKED * trace)
+            _drop_locked(solver, row, pair["bias"], bias_share, LOCKED * trace)
             solver["joined"] = 1
         prepare_row(row)
         if has_moment(pair):
@@ -180,25 +183,26 @@ def load_island(bodies, joints, drivers, pairs, head, h, state):
 
 
 @kernel
-def _drop_locked(solver, row, bias, least):
+def _drop_locked(solver, row, bias, share, least):
     """Take from a row's velocity its share of a bias along directions in which joints hold its point: it
-    comes of how these turn within the substep, and no impulse changes it. `least` is their mobility times
-    that share."""
-    s, w, x = solver["kernel"], row["mobility"], row["swept"]
+    comes of how these turn within the substep, and no impulse changes it. The speed along the normal stays,
+    unless joints hold that too. `least` is the mobility in such directions."""
+    if row["friction"] == 0:
+        return
+    s, x, y, n = solver["kernel"], row["swept"], row["direction"], row["normal"]
     for i in range(3):
-        x[i] = bias[i]
+        x[i], y[i] = share * least * bias[i], least * n[i]
         for j in range(3):
-            s[i, j] = w[i, j]
+            s[i, j] = row["mobility"][i, j]
     factorise(s, 3)
+    # the parts of bias and normal along such directions
+    for part in (x, y):
+        solve_lower(s, 3, part)
+        solve_upper(s, 3, part)
+    freely = 1 - dot(n, y)
+    along = dot(n, x) / freely if freely > LEAST_FREEDOM else 0.0
     for i in range(3):
-        for j in range(i):
-            x[i] -= s[i, j] * x[j]
-        x[i] /= s[i, i]
-    for i in range(2, -1, -1):
-        for j in range(i + 1, 3):
-            x[i] -= s[j, i] * x[j]
-        x[i] /= s[i, i]
-        row["free"][i] -= least * x[i]
+        row["free"][i] += along * (n[i] - y[i]) - x[i]
 
 
 @inlined_kernel
