@@ -264,11 +264,11 @@ def _is_led(bodies, pair):
 @kernel
 def slip_turn(bodies, pair, state):
     """Turn of the direction in which a row slides over the substep [rad]; 0 if it does not slide throughout,
-    and by the law of positions or under friction beyond mu on bodies that are not prescribed. What slides
-    back has stopped within (`first_stop`)."""
+    in a crowd, and by the law of positions or under friction beyond mu on bodies that are not prescribed.
+    What slides back has stopped within (`first_stop`)."""
     p, slip, v = pair["resting_impulse"], _slip(pair), state["velocity"]
     follows = is_carried(state) or (state["statics"] + state["moments"] == 0 and not _is_led(bodies, pair))
-    if not follows or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
+    if not follows or pair["crowded"] == 1 or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
         return 0.0
     v_n = final_velocity(bodies, pair, state)
     across, along = sqrt(max(0.0, dot(v, v) - v_n * v_n)), along_slip(pair, v) / slip
@@ -286,7 +286,7 @@ def first_onset(pairs, count, h, state):
     first = NEVER
     for k in range(count):
         pair = pairs[k]
-        if pair["manifold"] >= 0 and pair["manifold"] != k:
+        if (pair["manifold"] >= 0 and pair["manifold"] != k) or (pair["crowded"] > state["statics"]):
             continue
         now, last, row = state["velocity_a"], state["velocity_b"], k
         now[:] = last[:] = 0.0

@@ -114,7 +114,7 @@ corrections and in them [m]."""
 JAM_SHARE = 1e-6
 """Share of a frame over which a jam is solved [1]: other forces do nothing in it."""
 CURVED_ROWS = 64
-"""Most rows of a substep whose curved contacts are corrected: a heap is too chaotic for the time that this
+"""Most rows of an island whose curved contacts are corrected: a heap is too chaotic for the time that this
 takes."""
 HALVINGS = 16
 """Most halvings of such substeps in a frame; then their contacts stay as predicted."""
@@ -140,14 +140,15 @@ def solve_resting_contacts(world, count, time, h):
     last_time, changes = state["last_time"], ONSET_ROUNDS
     for k in range(count):
         pairs[k]["late_bias"] = 0.0
+    _mark_crowds(bodies, drivers, pairs, count)
     while True:
         unconverged = state["counters"][COUNT_UNCONVERGED]
         state["last_time"] = last_time
         h = whole = _solve_velocities(world, count, h)
-        carried = _follows_slip(count, state)
+        carried = _follows_slip(state)
         if carried or (state["statics"] == 1 and state["dense_substep"] == 0):
             h = _end_at_onset(world, count, h)
-        if state["dense_substep"] == 0 and count <= CURVED_ROWS:
+        if state["dense_substep"] == 0:
             _turn_friction(world, count, h)
         _solve_positions(world, count, h, False)
         if state["jams"] == 1:
@@ -191,6 +192,24 @@ def solve_resting_contacts(world, count, time, h):
     state["last_time"] = -h if h == whole and changes == ONSET_ROUNDS else 0.0
     log_held(bodies, pairs, count, world.contacts, state, time)
     return h
+
+
+@kernel
+def _mark_crowds(bodies, drivers, pairs, count):
+    """Mark the rows of islands of more than CURVED_ROWS as `crowded`."""
+    for k in range(count):
+        pairs[k]["crowded"] = 0
+    if count <= CURVED_ROWS:
+        return
+    join_islands(bodies, drivers, pairs, count, True)
+    for b in range(len(bodies)):
+        bodies[b]["row_count"] = 0
+    for k in range(count):
+        if pairs[k]["island"] >= 0:
+            bodies[pairs[k]["island"]]["row_count"] += 1
+    for k in range(count):
+        if pairs[k]["island"] >= 0 and bodies[pairs[k]["island"]]["row_count"] > CURVED_ROWS:
+            pairs[k]["crowded"] = 1
 
 
 @kernel
@@ -324,7 +343,7 @@ def _solve_velocities(world, count, h):
             continue
         if state["dense_substep"] == 0:
             exact = bias_share(bodies, world.pieces, pairs, count, h, state)
-            if _follows_slip(count, state):
+            if _follows_slip(state):
                 turned = slip_turn_share(bodies, pairs, count, state)
                 exact = min(exact, curved_share(turned, h, state))
             if state["led_loop"] == 1 and state["led"] == 1:
@@ -418,9 +437,9 @@ def _solve_with_grips(world, count, h):
 
 
 @inlined_kernel
-def _follows_slip(count, state):
+def _follows_slip(state):
     """Whether sliding on prescribed bodies is followed within the substep: its turn, and its onset."""
-    return is_carried(state) and state["dense_substep"] == 0 and count <= CURVED_ROWS
+    return is_carried(state) and state["dense_substep"] == 0
 
 
 @kernel
@@ -486,7 +505,7 @@ def _prepare_resting_contacts(world, count, h):
             set_drifts(bodies, world.joints, world.drivers[d])
         elif world.drivers[d]["loops"] == 1 and world.drivers[d]["prescribed"] == 1:
             predict_turn(bodies, world.drivers[d], h, state["dt"])
-    smooth = state["dense_substep"] == 0 and count <= CURVED_ROWS and state["halvings"] < HALVINGS
+    smooth = state["dense_substep"] == 0 and state["halvings"] < HALVINGS
     for k in range(count):
         pair = pairs[k]
         approach_speed(bodies, pair, state)
@@ -495,7 +514,7 @@ def _prepare_resting_contacts(world, count, h):
         # on paths that a coupling bends both laws differ by more
         one, two = bodies[pair["body_a"]], bodies[pair["body_b"]]
         bent = is_coupled(one, world.drivers) or is_coupled(two, world.drivers)
-        pair["curved"] = 1 if smooth and not bent else 0
+        pair["curved"] = 1 if smooth and pair["crowded"] == 0 and not bent else 0
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     if smooth:
         _except_faces(pairs, count, patch_flight)

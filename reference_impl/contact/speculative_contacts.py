@@ -43,7 +43,7 @@ from touchstone.reference_impl.core.counters import (
     STAGE_COLLISION,
 )
 from touchstone.reference_impl.core.kernel import clock, inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector
+from touchstone.reference_impl.core.rotation import copy_quaternion, copy_vector, dot
 from touchstone.reference_impl.geometry.contact_manifold import expand_manifolds, is_polyhedral
 from touchstone.reference_impl.geometry.convex_depth import convex_depth
 from touchstone.reference_impl.solver.islands import loops
@@ -61,6 +61,8 @@ SPECULATIVE_COSINE = 0.995
 the present one [1]."""
 TOUCH_CLOSED = 9e-7
 """Gap to which a speculative contact may close [m]: touching, but not yet an impact (IMPACT_TARGET)."""
+STILL = 1e-6
+"""Speed of a body in m/s or rad/s below which its contacts are not counted in `event_rows` [1]."""
 DENSE_PARTS = 32
 """Most dense substeps per frame that rotation may require."""
 DENSE_SPEED = 0.01
@@ -91,7 +93,7 @@ def gather_contacts(world, left):
     end, h = 0, left
     if not crowded:
         end, _ = detect(world, SIMULATED, 0)
-        crowded = state["rows"] + end > state["event_rows"]
+        crowded = state["rows"] + _moving_rows(bodies, pairs, end) > state["event_rows"]
     state["dense_substep"] = 1 if crowded else 0
     if crowded:
         end, h = _gather_speculative(world, left)
@@ -119,9 +121,23 @@ def gather_contacts(world, left):
             pairs[k]["speculative_speed"] = max((gap - TOUCH_CLOSED) / h, pairs[k]["key"])
     if state["moving_surfaces"] == 1:
         place_surfaces(bodies, pieces, pairs, end)
-    state["rows"] += end
-    state["last_rows"] = end
+    state["last_rows"] = _moving_rows(bodies, pairs, end)
+    state["rows"] += state["last_rows"]
     return end, h
+
+
+@kernel
+def _moving_rows(bodies, pairs, count):
+    """Number of the rows `pairs[:count]` on a simulated body that moves: what rests takes one look."""
+    moving = 0
+    for k in range(count):
+        for side in range(2):
+            body = bodies[pairs[k]["body_b"] if side else pairs[k]["body_a"]]
+            v, w = body["velocity"], body["omega"]
+            if body["kind"] == SIMULATED and dot(v, v) + dot(w, w) > STILL * STILL:
+                moving += 1
+                break
+    return moving
 
 
 @kernel

@@ -88,7 +88,7 @@ def correct_faces(bodies, pieces, pairs, count, h, state):
         for k in range(count):
             pair = pairs[k]
             led = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
-            if pair["curved"] != 1 and led and pair["floor"] != NO_FLOOR:
+            if pair["curved"] != 1 and pair["crowded"] == 0 and led and pair["floor"] != NO_FLOOR:
                 a, b, n, bias = state["velocity_a"], state["velocity_b"], state["impulse"], state["velocity"]
                 _predict(bodies, pieces, pair, h / 2, a, b, n, bias)
                 if on_paths == 0:

@@ -103,6 +103,7 @@ BODY = record(
     # of a mover (`islands`): root mover of its island, first row of the island, index in the solver
     island="i8",
     first_row="i8",
+    row_count="i8",  # rows of its island, if it is the root
     mover="i8",
     guard=GUARD,
     memory="i8",  # 1-based index of its first warm-start point, or 0
@@ -197,6 +198,7 @@ PAIR = record(
     resting_impulse=VECTOR,  # impulse on B of the resting contact [N s]
     island="i8",  # root mover of its island, or -1
     next_row="i8",  # next row of its island, or -1
+    crowded="i8",  # 1: its island has too many rows to follow their curves
     solver_row="i8",  # its row in the solver while its island is loaded
     next_point="i8",  # next row of the manifold, or -1
     reduced="i8",  # 1: its faces touch in more points than the manifold has
