@@ -249,8 +249,8 @@ def _correct(a, b, pair, found, h, state, last):
     way = n[0] * x + n[1] * y + n[2] * z
     pair["gap_error"] = found["distance"] - pair["distance"] - h * way
     if pair["followed"] == 1:
-        ux, uy, uz = _mean_velocity(b, pair["path_lever_b"])
-        vx, vy, vz = _mean_velocity(a, pair["path_lever_a"])
+        ux, uy, uz = mean_velocity(b, pair["path_lever_b"])
+        vx, vy, vz = mean_velocity(a, pair["path_lever_a"])
         bias = pair["path_bias"]
         bias[0], bias[1], bias[2] = 2 * (x - ux + vx), 2 * (y - uy + vy), 2 * (z - uz + vz)
     return error
@@ -375,7 +375,7 @@ def _velocity_on(body, v, w, lever):
 
 
 @kernel
-def _mean_velocity(body, lever):
+def mean_velocity(body, lever):
     """Mean of the velocities before and after the substep that set the path of a body."""
     if not is_moving(body):
         return 0.0, 0.0, 0.0
@@ -438,7 +438,7 @@ def _mean_slip(a, b, pair, h):
 @kernel
 def _mean_at_contact(body, lever, path_lever, followed, h):
     """Part of a body in `_mean_slip`: lever and angular velocity change together."""
-    mean = _mean_velocity(body, lever)
+    mean = mean_velocity(body, lever)
     if followed == 0 or not is_moving(body):
         return mean
     w = body["path_omega"] if body["led"] == 1 else body["omega"]

@@ -31,6 +31,7 @@ from touchstone.reference_impl.contact.grip import (
 )
 from touchstone.reference_impl.contact.impact import rest_speed
 from touchstone.reference_impl.contact.integrate import apply_forces, begin_again, set_ways
+from touchstone.reference_impl.contact.outline_exit import first_exit
 from touchstone.reference_impl.contact.support_points import move_supports
 from touchstone.reference_impl.continuous.contact_kinematics import is_moving, is_round
 from touchstone.reference_impl.continuous.contact_motion import (
@@ -171,7 +172,10 @@ def solve_resting_contacts(world, count, time, h):
             share = NEVER
             if state["curved"] == 1 and changes > 0:
                 share = first_change(world.pieces, pairs, count, last_time < 0)
-            if not ONSET_SHARE < share < 1 - ONSET_SHARE:
+                share = share if ONSET_SHARE < share < 1 - ONSET_SHARE else NEVER
+            if state["dense_substep"] == 0 and changes > 0:
+                share = min(share, first_exit(world, count, h))
+            if share >= 1:
                 break
             changes -= 1
             h *= share
