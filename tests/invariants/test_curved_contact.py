@@ -14,8 +14,9 @@ from touchstone.reports.metrics import METRICS
 from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import mechanical_energy
 from touchstone.scenarios.catalogue import find
+from touchstone.scenarios.orientations import quaternion
 from touchstone.scenarios.scenario import PairCoefficients, Scenario
-from touchstone.scenarios.solids import ball, ellipsoid, slab
+from touchstone.scenarios.solids import ball, block, capsule, cylinder, ellipsoid, half_space, slab
 
 G = 9.81
 
@@ -147,3 +148,45 @@ def bounced(profile: str, e: float, speed: float) -> float:
 def test_gentle_bounces_keep_their_restitution(profile: str, speed: float, e: float) -> None:
     """From 0.02 m/s on within 2 %."""
     assert bounced(profile, e, speed) == pytest.approx(e, rel=0.02)
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+def test_what_rests_elsewhere_changes_no_motion(profile: str) -> None:
+    """Spin and keep the energy as alone where boxes rest, with more contacts than an island of curved ones
+    may have."""
+    leaning = Rotation.from_rotvec((0.6, 0.0, 0.0))
+    half_axes, up = (0.1, 0.06, 0.15), leaning.inv().apply((0.0, 0.0, 1.0))
+    height = float(np.linalg.norm(up * half_axes))
+    spun = ellipsoid(
+        "spun", "wood", half_axes, 1.0, (0.0, 0.0, height), quaternion(leaning), spin=(1.0, 2.0, 9.0)
+    )
+    boxes = tuple(block(f"box{k}", "wood", (0.1, 0.1, 0.1), 1.0, (0.5 * k, 9.0, 0.1)) for k in range(20))
+    floor, smooth = half_space("floor", "wood"), (PairCoefficients("wood", "wood", 0.0, 0.0),)
+    alone, among = (
+        play(Scenario("test", "", (), (floor, spun, *others), 0.4, smooth), 60, profile)
+        for others in ((), boxes)
+    )
+    np.testing.assert_array_equal(among.position[:, 1], alone.position[:, 1])
+    np.testing.assert_array_equal(among.angular_velocity[:, 1], alone.angular_velocity[:, 1])
+
+
+@pytest.mark.parametrize("shape", ["ball", "cylinder", "capsule"])
+def test_a_round_body_leaves_a_table_at_its_edge(shape: str) -> None:
+    """Roll over the edge too fast to turn about it, and fall on the parabola from there."""
+    radius, speed, start, duration = 0.1, 1.4, -0.2, 0.4
+    lies = quaternion(Rotation.from_rotvec((np.pi / 2, 0.0, 0.0)))
+    state, rolls = (
+        (1.0, (start, 0.0, radius)),
+        {"velocity": (speed, 0.0, 0.0), "spin": (0.0, speed / radius, 0.0)},
+    )
+    make = {"cylinder": cylinder, "capsule": capsule}.get(shape)
+    body = (
+        make(shape, "wood", radius, 0.1, *state, lies, **rolls)
+        if make
+        else ball(shape, "wood", radius, *state, **rolls)
+    )
+    table = block("table", "wood", (1.0, 1.0, 0.5), 0.0, (-1.0, 0.0, -0.5), kind="fixed")
+    scene = Scenario("test", "", (), (table, body), duration, (PairCoefficients("wood", "wood", 0.0, 0.4),))
+    falling = duration + start / speed
+    place = (start + speed * duration, 0.0, radius - G * falling**2 / 2)
+    np.testing.assert_allclose(play(scene, 60).position[-1, 1], place, atol=3e-5)

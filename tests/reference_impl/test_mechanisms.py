@@ -99,6 +99,31 @@ HELD = {"wheel_motor": 2e-5}
 """The same of motors that are too stiff for explicit steps."""
 
 
+def test_a_ball_on_a_ball_joint_slides_on_a_floor_as_a_pendulum() -> None:
+    """Swing on a tilted floor without friction as the pendulum in its plane, and keep the energy: what the
+    joint holds presses nothing on the floor."""
+    radius, arm, pull = 0.08, 0.4, 9.81 * 0.5
+    bob = solid("bob", Sphere(radius), (arm * np.cos(1.0), arm * np.sin(1.0), radius))
+    joint = BodyJoint("joint", "ball", "", "bob", (0.0, 0.0, radius))
+    fields = {
+        "gravity": (pull, 0.0, -9.81 * np.sqrt(0.75)),
+        "coefficients": (PairCoefficients("steel", "steel", 0.0, 0.0),),
+    }
+    about = sphere_inertia(1.0, radius)[2][2] + arm**2
+    swing = solve_ivp(
+        lambda _, y: (y[1], -pull * arm * np.sin(y[0]) / about),
+        (0.0, 1.2),
+        (1.0, 0.0),
+        rtol=1e-12,
+        atol=1e-13,
+    )
+    angle = swing.y[0, -1]
+    for rate, most in ((60, 5e-6), (240, 2e-8)):
+        context = play(scene([FLOOR, bob], [joint], 1.2, **fields), rate=rate)
+        place = (arm * np.cos(angle), arm * np.sin(angle), radius)
+        np.testing.assert_allclose(context.recording.position[-1, 1], place, atol=most)
+
+
 @pytest.mark.parametrize("seconds", [1.0, pytest.param(inf, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("profile", FARTHEST)
 @pytest.mark.parametrize("name", JOINED)
