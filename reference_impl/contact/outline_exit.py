@@ -15,6 +15,8 @@ from touchstone.reference_impl.geometry.shapes import place_piece
 
 EXIT_STEPS = 32
 """Bisections for the time at which a round surface passes the outline of a face."""
+EXIT_LEAST = 1e-4
+"""Share of a substep within which it does not end: there the surface has all but passed the outline [1]."""
 EXIT_TILT = 4.0
 """Height of the face over its edge at which a round surface has passed it, over MANIFOLD_HEIGHT [1]: a
 manifold then shows the edge alone."""
@@ -56,20 +58,21 @@ def _exit(world, pair, found, h):
     if face["kind"] == BOX and _stays_on(face, plus(vector_of(point), 1.0, way)):
         return NEVER
     found["piece_a"], found["piece_b"] = pair["piece_a"], pair["piece_b"]
-    early, late, share = 0.0, NEVER, 1.0
+    early, late, share = -1.0, NEVER, 0.0
     for _ in range(EXIT_STEPS):
         place[0], place[1], place[2] = x + share * way[0], y + share * way[1], z + share * way[2]
         pair_depth(pieces, world.vertices, world.state, found)
         tilt = cross(n, vector_of(found["normal"]))
         if dot(tilt, tilt) > (EXIT_TILT * MANIFOLD_HEIGHT / face["width"]) ** 2:
             late = share
-        elif share == 1:
-            break
         else:
             early = share
-        share = (early + late) / 2
+        # it is on the face at the start, and past it at the end
+        if early < 0 or early == 1:
+            break
+        share = (early + late) / 2 if late < NEVER else 1.0
     place[0], place[1], place[2] = x, y, z
-    return late
+    return late if late > EXIT_LEAST else NEVER
 
 
 @kernel
