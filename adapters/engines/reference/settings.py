@@ -97,7 +97,7 @@ _TABLE: tuple[Setting, ...] = (
         1e9,
         "",
         ("512", "16384"),
-        "contacts that the substeps of a frame hold in total before it goes on in a few crowded ones",
+        "contacts of moving bodies that the substeps of a frame hold in total before a few crowded ones",
     ),
     Range(
         "factor_work",
