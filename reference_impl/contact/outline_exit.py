@@ -77,9 +77,10 @@ def _exit(world, pair, found, h):
 
 @kernel
 def _stays_on(box, point):
-    """Whether a point on the face of a box is within its outline."""
+    """Whether a point on the face of a box is within its outline; along the normal, a rounded box is larger
+    than its core."""
     m, arm = box["world_rotation"], plus(point, -1.0, vector_of(box["world_position"]))
-    outside = 0
+    outside = -1 if box["radius"] > 0 else 0
     for i in range(3):
-        outside += 1 if abs(column(m, i, arm)) > box["size"][i] + box["radius"] + MANIFOLD_HEIGHT else 0
-    return outside == 0
+        outside += 1 if abs(column(m, i, arm)) > box["size"][i] + MANIFOLD_HEIGHT else 0
+    return outside <= 0

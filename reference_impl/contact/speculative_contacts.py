@@ -93,7 +93,8 @@ def gather_contacts(world, left):
     end, h = 0, left
     if not crowded:
         end, _ = detect(world, SIMULATED, 0)
-        crowded = state["rows"] + _moving_rows(bodies, pairs, end) > state["event_rows"]
+        crowded = state["rows"] + end > state["event_rows"]
+        crowded = crowded and state["rows"] + _moving_rows(bodies, pairs, end) > state["event_rows"]
     state["dense_substep"] = 1 if crowded else 0
     if crowded:
         end, h = _gather_speculative(world, left)
