@@ -195,6 +195,7 @@ SOLVED = {
         29,  # a hand left a heap by 0.2 m through one of its bodies
         100561,  # a jammed box got 4e18 N s, whose rounding hides any velocity, and 5 % of the energy
         983002458,  # a box approached a hand by less than 1e-134 m/s: friction was 0 / 0
+        993000138,  # a substep of 1e-12 s for a body past the outline of a face: 1e31 m/s
     ),
 }
 """Scenes that once broke a limit, and how."""
