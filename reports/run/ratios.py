@@ -82,9 +82,10 @@ class Timed:
 def timed(
     engine: str, label: str, first: Recording, times: Sequence[Array], overlap: Row | None = None
 ) -> Timed:
-    """A column from the recording of the first restart, with its contacts and stages, and all times."""
-    count = min(map(len, times))
+    """A column from the recording of the first restart, with its contacts and stages, and all times, over the
+    frames that every restart played."""
     contact = contact_frames(first)
+    count = min(len(contact), *map(len, times))
     rows = np.array([restart[:count] for restart in times])
     return Timed(engine, label, first.facts["dt"], rows, contact[:count], overlap, _stages(first, contact))
 

@@ -187,3 +187,13 @@ def test_a_ratio_of_times_says_how_to_see_it(registry):
     ]
     rows = [r for r in ratios.ratio_rows("run", scene, columns, one_run=True) if r.metric == "ratio.time"]
     assert [r.reproduce for r in rows] == [f"touchstone run ball_snip {BOTH} --metric ratio.time"]
+
+
+def test_a_column_has_the_frames_that_every_restart_played(registry):
+    """A recorded restart of fewer frames than those played for their times is compared over its own."""
+    whole = registry.played("fall", "reference")
+    stages = whole.stage_seconds[:-2]
+    cut = replace(whole, time_frame=whole.time_frame[:-2], work=whole.work[:-2], stage_seconds=stages)
+    column = ratios.timed("reference", "balanced", cut, [whole.time_frame, whole.time_frame])
+    assert column.times.shape == (2, len(cut.time_frame))
+    assert column.contact.shape == cut.time_frame.shape
