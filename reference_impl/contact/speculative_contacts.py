@@ -62,7 +62,7 @@ the present one [1]."""
 TOUCH_CLOSED = 9e-7
 """Gap to which a speculative contact may close [m]: touching, but not yet an impact (IMPACT_TARGET)."""
 STILL = 1e-6
-"""Speed of a body in m/s or rad/s below which its contacts are not counted in `event_rows` [1]."""
+"""Speed of a body [m/s, rad/s] below which its contacts are not counted in `event_rows`."""
 DENSE_PARTS = 32
 """Most dense substeps per frame that rotation may require."""
 DENSE_SPEED = 0.01
