@@ -397,7 +397,9 @@ def page_of(folder: Path) -> tuple[str, str, dict[str, Path]]:
 
 
 def _origin(facts: dict) -> str:
-    known = {"Command": facts.get("command"), "commit": facts.get("commit"), "day": facts.get("day")}
+    # where the folder was on that machine is nobody else's
+    command = re.sub(r" --out(=| )('[^']*'|\S+)", "", facts.get("command") or "")
+    known = {"Command": command, "commit": facts.get("commit"), "day": facts.get("day")}
     known |= {name: facts.get("machine", {}).get(name) for name in ("processor", "cores")}
     return ", ".join(f"{name} `{value}`" for name, value in known.items() if value) + "."
 
