@@ -222,7 +222,7 @@ def _fly(world):
         fly_straight(bodies, state["gravity"], h)
     else:
         begin_substep(bodies, joints, drivers)
-        apply_forces(bodies, joints, drivers, 0.0, h, state)
+        apply_forces(bodies, joints, drivers, 0.0, h, state, 0)
         set_ways(bodies, joints, drivers, pairs, 0, h, h)
         pose_at(bodies, 1.0)
         end_substep(bodies, joints, drivers, 1.0, h, h)

@@ -113,12 +113,28 @@ def _turn_stop(bodies, pairs, k, h, state):
         if end * pair["arm"] > SLIP_MIN:
             first = min(first, u / (u - end) if end < u else NEVER)
             continue
-        # all of the moment would stop it earlier; what another contact turns back crosses zero evenly
-        stops = p > 0 and end * pair["arm"] >= -SLIP_MIN
-        time = u - f + (f - end) * load * length / p if stops else u - end
+        # all of the moment would stop it earlier, also where friction or another contact turns it back
+        stops, limit = p > 0 and end * pair["arm"] >= -SLIP_MIN, load * length
+        if stops:
+            time = u - f + (f - end) * limit / p
+        else:
+            time = u - end + (limit - p) * _mobility(bodies, pair, axis)
         share = min(1.0, u / time) if 0 < time < EVENT_CAP * u else 1.0
         first = min(first, share if u * pair["arm"] * h * (1 - share) > STOP_ERROR else 1.0)
     return first
+
+
+@kernel
+def _mobility(bodies, pair, axis):
+    """Change of the relative rate of turning of a pair about an axis by a unit of angular impulse about it
+    [1 / (kg m^2)]."""
+    turned = 0.0
+    for side in range(2):
+        body = bodies[pair["body_b"] if side else pair["body_a"]]
+        if body["inverse_mass"] > 0:
+            rotate(body["inverse_inertia"], axis, body["scratch"][0])
+            turned += dot(axis, body["scratch"][0])
+    return turned
 
 
 @inlined_kernel
@@ -188,10 +204,10 @@ def _jams(bodies, pair):
 
 
 @kernel
-def first_change(pieces, pairs, count, sought):
-    """Fraction of the substep at which the first contact of a curved surface leaves, its force at 0, or
-    begins to slide, its friction at the limit; NEVER if none does. Where several contacts share a load, that
-    of one tells neither.
+def first_change(bodies, pieces, pairs, count, sought):
+    """Fraction of the substep at which the first contact that obeys the law of positions leaves, its force
+    at 0, or that of a round surface begins to slide, its friction at the limit; NEVER if none does. Where
+    several contacts share a load, that of one tells neither.
 
     Args:
         sought: what slides at the end of the substep may have stuck at its start.
@@ -199,7 +215,9 @@ def first_change(pieces, pairs, count, sought):
     first = NEVER
     for k in range(count):
         one, two = pieces[pairs[k]["piece_a"]], pieces[pairs[k]["piece_b"]]
-        if pairs[k]["curved"] != 1 or not (is_round(one) or is_round(two)) or pairs[k]["floor"] == NO_FLOOR:
+        turns = pairs[k]["curved"] == 1 and (is_round(one) or is_round(two))
+        rests = is_led(bodies, pairs[k]) and pairs[k]["key"] > -SLIDE_MIN
+        if not (turns or rests) or pairs[k]["floor"] == NO_FLOOR:
             continue
         if (pairs[k]["manifold"] >= 0 and pairs[k]["manifold"] != k) or _shares_load(pairs, count, k):
             continue
@@ -216,7 +234,8 @@ def first_change(pieces, pairs, count, sought):
         margin = mu * load - sqrt(max(0.0, dot(p, p) - load * load))
         path_margin = mu * path_load - sqrt(max(0.0, dot(q, q) - path_load * path_load))
         first = min(first, _zero(load, path_load), pairs[k]["leaves"])
-        sticks = pairs[k]["static"] == 0 and pairs[k]["friction"] > 0 and _slip(pairs[k]) <= SLIDE_MIN
+        sticks = turns and pairs[k]["static"] == 0 and pairs[k]["friction"] > 0
+        sticks = sticks and _slip(pairs[k]) <= SLIDE_MIN
         if sticks and path_margin > CONE_CLOSE * path_load:
             first = min(first, _zero(margin, path_margin))
         elif sticks and sought and path_load > 0:
@@ -250,13 +269,13 @@ def slip_turn_share(bodies, pairs, count, state):
     longer than the substep."""
     most = 0.0
     for k in range(count):
-        if _is_led(bodies, pairs[k]):
+        if is_led(bodies, pairs[k]):
             most = max(most, slip_turn(bodies, pairs[k], state))
     return SLIP_TURN_SHARE * SLIP_TURN / most if most > SLIP_TURN else NEVER
 
 
 @inlined_kernel
-def _is_led(bodies, pair):
+def is_led(bodies, pair):
     """Whether a pair obeys the law of positions."""
     return bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
 
@@ -264,10 +283,11 @@ def _is_led(bodies, pair):
 @kernel
 def slip_turn(bodies, pair, state):
     """Turn of the direction in which a row slides over the substep [rad]; 0 if it does not slide throughout,
-    in a crowd, and by the law of positions or under friction beyond mu on bodies that are not prescribed.
-    What slides back has stopped within (`first_stop`)."""
+    in a crowd, on bodies on a coupling, under friction beyond mu on bodies that are not prescribed, and by
+    the law of positions among mechanisms. What slides back has stopped within (`first_stop`)."""
     p, slip, v = pair["resting_impulse"], _slip(pair), state["velocity"]
-    follows = is_carried(state) or (state["statics"] + state["moments"] == 0 and not _is_led(bodies, pair))
+    alone = pair["bent"] == 0 and (state["mechanisms"] == 0 or not is_led(bodies, pair))
+    follows = is_carried(state) or (state["statics"] + state["moments"] == 0 and alone)
     if not follows or pair["crowded"] == 1 or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
         return 0.0
     v_n = final_velocity(bodies, pair, state)

@@ -13,7 +13,7 @@ third order, a twelfth of the products of their changes (`add_changes`, `_mean_s
 
 from math import sqrt
 
-from touchstone.reference_impl.contact.contact_events import SLIDE_MIN
+from touchstone.reference_impl.contact.contact_events import SLIDE_MIN, is_led
 from touchstone.reference_impl.continuous.contact_kinematics import (
     LEAST_CROSSING,
     LEAST_RADIUS,
@@ -21,7 +21,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
     is_moving,
     is_round,
 )
-from touchstone.reference_impl.continuous.contact_motion import end_error
+from touchstone.reference_impl.continuous.contact_motion import BIAS_DEPTH, BIAS_SHARE, end_error
 from touchstone.reference_impl.continuous.forced_rotation import mean_omega_curve
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
@@ -41,7 +41,7 @@ from touchstone.reference_impl.core.rotation import (
 from touchstone.reference_impl.geometry.depth_warm_start import pair_depth
 from touchstone.reference_impl.geometry.shapes import has_rim, place_piece
 from touchstone.reference_impl.solver.islands import has_moment
-from touchstone.reference_impl.solver.mobility import point_velocity
+from touchstone.reference_impl.solver.mobility import final_velocity, point_velocity
 
 RETURN_SHARE = 1e-3
 """Share of a frame over which an overlap is taken back [1]: 1e-6 m at 0.06 m/s."""
@@ -49,8 +49,8 @@ RETURN_SHARE = 1e-3
 
 @kernel
 def correct_ends(world, count, h, last):
-    """Correct the curved rows of `pairs[:count]` by their geometry at the end of a substep of length h [s],
-    to which the motions of their bodies lead; poses the bodies at its start.
+    """Correct the curved and the `bent` rows of `pairs[:count]` by their geometry at the end of a substep of
+    length h [s], to which the motions of their bodies lead; poses these at its start.
 
     Args:
         last: measure the errors alone.
@@ -62,13 +62,17 @@ def correct_ends(world, count, h, last):
         return 0.0
     error, found = 0.0, pairs[count]
     for b in range(len(bodies)):
-        pose_along(bodies[b], 0.0)
+        if bodies[b]["led"] == 1 or bodies[b]["kind"] != SIMULATED:
+            pose_along(bodies[b], 0.0)
     for k in range(count):
         pair = pairs[k]
-        if pair["curved"] == 1 and pair["floor"] != NO_FLOOR:
+        if (pair["curved"] == 1 or _is_bent(bodies, pair)) and pair["floor"] != NO_FLOOR:
             a, b, pair["leaves"] = bodies[pair["body_a"]], bodies[pair["body_b"]], NEVER
             if _end_geometry(world, a, b, pair, found):
-                error = max(error, _correct(a, b, pair, found, h, world.state, last))
+                if pair["curved"] == 1:
+                    error = max(error, _correct(a, b, pair, found, h, world.state, last))
+                else:
+                    error = max(error, _close(a, b, pair, found, h, world.state))
             pose_along(a, 0.0)
             pose_along(b, 0.0)
     return error
@@ -134,6 +138,26 @@ def _end_geometry(world, a, b, pair, out_found):
     for i in range(3):
         out_found["normal"][i], out_found["point_a"][i], out_found["point_b"][i] = n[i], p[i], q[i]
     return True
+
+
+@kernel
+def _is_bent(bodies, pair):
+    """Whether a row presses a body on a coupling, whose path is corrected by the gap that it leaves."""
+    p = pair["resting_impulse"]
+    return pair["bent"] == 1 and is_led(bodies, pair) and (p[0] != 0 or p[1] != 0 or p[2] != 0)
+
+
+@kernel
+def _close(a, b, pair, found, h, state):
+    """Take the gap that a `bent` row leaves at the end into its law of positions; returns its error [m], or 0
+    if that is as small as rotation may make it elsewhere."""
+    error = found["distance"] - gap_aimed(pair, h, state)
+    if abs(error) <= BIAS_SHARE * BIAS_DEPTH:
+        return 0.0
+    x, y, z = _mean_slip(a, b, pair, h)
+    way = dot(vector_of(pair["normal"]), (x, y, z))
+    pair["gap_error"] = found["distance"] - pair["distance"] - h * way
+    return abs(error)
 
 
 @kernel
@@ -254,6 +278,22 @@ def _correct(a, b, pair, found, h, state, last):
         bias = pair["path_bias"]
         bias[0], bias[1], bias[2] = 2 * (x - ux + vx), 2 * (y - uy + vy), 2 * (z - uz + vz)
     return error
+
+
+@kernel
+def note_ends_of_load(bodies, pairs, count, h, state):
+    """Set `leaves` of the rows of `pairs[:count]` that are not curved, by the law of positions over a substep
+    of length h [s]: where their force ends if they bear nothing."""
+    for k in range(count):
+        pair = pairs[k]
+        if pair["curved"] != 1:
+            a, b, pair["leaves"] = bodies[pair["body_a"]], bodies[pair["body_b"]], NEVER
+            p, n = pair["resting_impulse"], pair["normal"]
+            if is_led(bodies, pair) and p[0] == 0 and p[1] == 0 and p[2] == 0:
+                opening = times(h, mean_velocity(b, pair["lever_b"]))
+                opening = plus(opening, -h, mean_velocity(a, pair["lever_a"]))
+                speed = final_velocity(bodies, pair, state)
+                pair["leaves"] = _end_of_load(a, b, pair, dot(n, opening), speed, h)
 
 
 @kernel

@@ -54,17 +54,18 @@ def begin_substep(bodies, joints, drivers):
 
 
 @kernel
-def apply_forces(bodies, joints, drivers, lead, h, state):
+def apply_forces(bodies, joints, drivers, lead, h, state, only_led):
     """Compute velocities and world inertias after a time h of gravity and free rotation, and velocities of
     drivers after a time h of their couplings' forces.
 
     Args:
         lead: of the law that rows with a driver will ask (`driver_motion`).
+        only_led: 1: to drivers, and to bodies that are `led`.
     """
     gravity = state["gravity"]
     for b in range(len(bodies)):
         body = bodies[b]
-        if body["kind"] == SIMULATED and body["driver"] < 0:
+        if body["kind"] == SIMULATED and body["driver"] < 0 and body["led"] >= only_led:
             for i in range(3):
                 body["velocity"][i] += gravity[i] * h
             rotate_freely(body, h)
@@ -107,11 +108,12 @@ def fly_straight(bodies, gravity, h):
 
 
 @kernel
-def begin_again(bodies, joints, drivers):
-    """Undo the effects of forces, contact impulses and motion since `begin_substep`."""
+def begin_again(bodies, joints, drivers, only_led):
+    """Undo the effects of forces, contact impulses and motion since `begin_substep`; with `only_led` 1 on
+    drivers, and on bodies that are `led`."""
     for b in range(len(bodies)):
         body = bodies[b]
-        if body["kind"] == SIMULATED and body["driver"] < 0:
+        if body["kind"] == SIMULATED and body["driver"] < 0 and body["led"] >= only_led:
             copy_vector(body["old_velocity"], body["velocity"])
             copy_vector(body["old_omega"], body["omega"])
             copy_quaternion(body["old_orientation"], body["orientation"])

@@ -21,6 +21,7 @@ from touchstone.reference_impl.contact.end_correction import (
     exchange_geometry,
     friction_work,
     gap_aimed,
+    note_ends_of_load,
 )
 from touchstone.reference_impl.contact.grip import (
     find_grip,
@@ -115,8 +116,8 @@ corrections and in them [m]."""
 JAM_SHARE = 1e-6
 """Share of a frame over which a jam is solved [1]: other forces do nothing in it."""
 CURVED_ROWS = 64
-"""Most rows of an island whose curved contacts are corrected: a heap is too chaotic for the time that this
-takes."""
+"""Most rows beside faces of an island whose curved contacts are corrected: a heap is too chaotic for the time
+that this takes."""
 HALVINGS = 16
 """Most halvings of such substeps in a frame; then their contacts stay as predicted."""
 SUPPORT_ROUNDS = 8
@@ -158,7 +159,7 @@ def solve_resting_contacts(world, count, time, h):
         if state["led_loop"] == 1 and _laws_differ(bodies, pairs, count):
             for k in range(count):
                 copy_vector(pairs[k]["spare"], pairs[k]["resting_impulse"])
-            _correct_velocities(world, count, h)
+            _correct_velocities(world, count, h, state["led"])
             _solve_positions(world, count, h, True)
         if len(drivers) > 0:
             # each joint at most at one limit after the other
@@ -170,10 +171,11 @@ def solve_resting_contacts(world, count, time, h):
                 _solve_positions(world, count, h, False)
         if _correct_ends(world, count, h):
             share = NEVER
-            if state["curved"] == 1 and changes > 0:
-                share = first_change(world.pieces, pairs, count, last_time < 0)
-                share = share if ONSET_SHARE < share < 1 - ONSET_SHARE else NEVER
             if state["dense_substep"] == 0 and changes > 0:
+                if state["led"] == 1 and state["coupled_loop"] == 0:
+                    note_ends_of_load(bodies, pairs, count, h, state)
+                    share = first_change(bodies, world.pieces, pairs, count, last_time < 0)
+                    share = share if ONSET_SHARE < share < 1 - ONSET_SHARE else NEVER
                 share = min(share, first_exit(world, count, h))
             if share >= 1:
                 break
@@ -200,7 +202,7 @@ def solve_resting_contacts(world, count, time, h):
 
 @kernel
 def _mark_crowds(bodies, drivers, pairs, count):
-    """Mark the rows of islands of more than CURVED_ROWS as `crowded`."""
+    """Mark the rows of islands with more than CURVED_ROWS beside faces as `crowded`."""
     for k in range(count):
         pairs[k]["crowded"] = 0
     if count <= CURVED_ROWS:
@@ -209,11 +211,20 @@ def _mark_crowds(bodies, drivers, pairs, count):
     for b in range(len(bodies)):
         bodies[b]["row_count"] = 0
     for k in range(count):
-        if pairs[k]["island"] >= 0:
+        if pairs[k]["island"] >= 0 and not _is_face(pairs, k):
             bodies[pairs[k]["island"]]["row_count"] += 1
     for k in range(count):
         if pairs[k]["island"] >= 0 and bodies[pairs[k]["island"]]["row_count"] > CURVED_ROWS:
             pairs[k]["crowded"] = 1
+
+
+@kernel
+def _is_face(pairs, k):
+    """Whether a row is of a patch of three points or more."""
+    row, points = pairs[k]["manifold"], 0
+    while row >= 0:
+        row, points = pairs[row]["next_point"], points + 1
+    return points > 2
 
 
 @kernel
@@ -223,7 +234,7 @@ def _correct_ends(world, count, h):
     converged."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    if state["curved"] + state["mechanisms"] == 0:
+    if state["curved"] + state["mechanisms"] + state["coupled_loop"] == 0:
         return True
     error = moved = 0.0
     unconverged, follows = state["counters"][COUNT_UNCONVERGED], state["halvings"] < HALVINGS
@@ -235,23 +246,23 @@ def _correct_ends(world, count, h):
                 moved = max(moved, follow_forces(bodies, joints, drivers[d], h))
             if moved == NEVER or not moved <= before:
                 return False
-        if state["curved"] == 1:
+        if state["curved"] + state["coupled_loop"] > 0:
             # under a coupling both laws differ by more than the change of a force
             if state["led_loop"] == 0:
                 for b in range(len(bodies)):
                     curve_rotation(bodies[b], h)
             set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
             error = correct_ends(world, count, h, last)
-        followed = moved <= (LARGEST_ERROR if state["curved"] == 1 else 0.0)
+        followed = moved <= (LARGEST_ERROR if state["curved"] + state["coupled_loop"] > 0 else 0.0)
         if (error <= end_error(h, world.state) and followed) or last:
             break
         if k == 0 and state["led_loop"] == 1:
             correct_faces(bodies, world.pieces, pairs, count, h, state)
-        _correct_velocities(world, count, h)
+        _correct_velocities(world, count, h, state["led"])
         _solve_positions(world, count, h, True)
         if state["counters"][COUNT_UNCONVERGED] > unconverged:
             return False
-        if state["curved"] == 0 and moved <= LARGEST_ERROR:
+        if state["curved"] + state["coupled_loop"] == 0 and moved <= LARGEST_ERROR:
             break
     if state["curved"] == 1:
         for k in range(count):
@@ -274,17 +285,19 @@ def _laws_differ(bodies, pairs, count):
 
 
 @kernel
-def _correct_velocities(world, count, h):
-    """Solve the law of velocities again from the present impulses, with the rows as they are."""
+def _correct_velocities(world, count, h, only_led):
+    """Solve the law of velocities again from the present impulses, with the rows as they are; with `only_led`
+    1 in islands that obey the law of positions too: nothing has changed in the others."""
     bodies, joints, drivers, state = world.bodies, world.joints, world.drivers, world.state
-    begin_again(bodies, joints, drivers)
-    apply_forces(bodies, joints, drivers, VELOCITY_LEAD, h, state)
+    begin_again(bodies, joints, drivers, only_led)
+    apply_forces(bodies, joints, drivers, VELOCITY_LEAD, h, state, only_led)
     add_changes(bodies, world.pairs, count, False)
-    _forget_residual(state)
+    _forget_residual(state, only_led)
     state["lead"] = VELOCITY_LEAD
     state["slack"] = SLACK
+    state["only_led"] = only_led
     solve_contacts(bodies, joints, drivers, world.pairs, count, h, state)
-    state["lead"] = 0.0
+    state["lead"], state["only_led"] = 0.0, 0
     _note_forces(world, h)
     _accept_pushes(world, h)
 
@@ -297,7 +310,7 @@ def _turn_friction(world, count, h):
         if slip_turn(bodies, pairs[k], state) > SLIP_STRAIGHT:
             pairs[k]["slides"], found = 1, True
     if found:
-        _correct_velocities(world, count, h)
+        _correct_velocities(world, count, h, 0)
 
 
 @kernel
@@ -326,7 +339,7 @@ def _solve_velocities(world, count, h):
             restore_normals(pairs, count)
             h *= turn_share
             _prepare_resting_contacts(world, count, h)
-        apply_forces(bodies, world.joints, world.drivers, VELOCITY_LEAD, h, state)
+        apply_forces(bodies, world.joints, world.drivers, VELOCITY_LEAD, h, state, 0)
         converged = _solve_together(world, count, h)
         for _ in range(SUPPORT_ROUNDS if state["dense_substep"] == 0 else 0):
             if not (converged and move_supports(world, count, h)):
@@ -436,7 +449,7 @@ def _solve_with_grips(world, count, h):
     """Solve the law of velocities once more, after grips have changed; returns whether it converged."""
     start_again(world, count)
     _prepare_resting_contacts(world, count, h)
-    apply_forces(world.bodies, world.joints, world.drivers, VELOCITY_LEAD, h, world.state)
+    apply_forces(world.bodies, world.joints, world.drivers, VELOCITY_LEAD, h, world.state, 0)
     return _solve_together(world, count, h)
 
 
@@ -476,7 +489,7 @@ def start_again(world, count):
     """Return bodies, their round pieces and the rows `pairs[:count]` to the start of the substep, for another
     attempt: how contacts move depends on where such pieces are."""
     bodies, pieces, pairs = world.bodies, world.pieces, world.pairs
-    begin_again(bodies, world.joints, world.drivers)
+    begin_again(bodies, world.joints, world.drivers, 0)
     restore_normals(pairs, count)
     for k in range(count):
         for side in range(2):
@@ -518,7 +531,9 @@ def _prepare_resting_contacts(world, count, h):
         # on paths that a coupling bends both laws differ by more
         one, two = bodies[pair["body_a"]], bodies[pair["body_b"]]
         bent = is_coupled(one, world.drivers) or is_coupled(two, world.drivers)
-        pair["curved"] = 1 if smooth and pair["crowded"] == 0 and not bent else 0
+        corrected = smooth and pair["crowded"] == 0
+        pair["curved"] = 1 if corrected and not bent else 0
+        pair["bent"] = 1 if corrected and bent else 0
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     if smooth:
         _except_faces(pairs, count, patch_flight)
@@ -614,7 +629,7 @@ def _solve_together(world, count, h):
         if (state["led_loop"] == 1 or state["statics"] == 1) and state["last_time"] < 0:
             for i in range(3):
                 pairs[k]["last_force"][i] = pairs[k]["resting_impulse"][i] / h
-    _forget_residual(state)
+    _forget_residual(state, 0)
     state["lead"] = VELOCITY_LEAD
     state["slack"] = FIRST_SLACK
     converged = solve_contacts(bodies, world.joints, world.drivers, pairs, count, h, state)
@@ -632,10 +647,14 @@ def note_residual(state):
 
 
 @kernel
-def _forget_residual(state):
-    """Return to the residual at the start of the substep: a solve that another one replaces has none."""
-    state["residual"] = state["past_residual"]
-    state["residual_body_a"], state["residual_body_b"] = state["past_body_a"], state["past_body_b"]
+def _forget_residual(state, only_led):
+    """Return to the residual at the start of the substep, or with `only_led` 1 to that which other islands
+    have left since: a solve that another one replaces has none."""
+    if only_led == 0:
+        state["other_residual"] = state["past_residual"]
+        state["other_body_a"], state["other_body_b"] = state["past_body_a"], state["past_body_b"]
+    state["residual"] = state["other_residual"]
+    state["residual_body_a"], state["residual_body_b"] = state["other_body_a"], state["other_body_b"]
 
 
 @kernel
@@ -677,8 +696,8 @@ def _solve_positions(world, count, h, again):
         for b in range(len(bodies)):
             copy_vector(bodies[b]["velocity"], bodies[b]["path_velocity"])
             copy_vector(bodies[b]["omega"], bodies[b]["path_omega"])
-        begin_again(bodies, joints, drivers)
-        apply_forces(bodies, joints, drivers, 1.0, h, state)
+        begin_again(bodies, joints, drivers, state["led"])
+        apply_forces(bodies, joints, drivers, 1.0, h, state, state["led"])
         add_changes(bodies, pairs, count, True)
         for k in range(count):
             if again:

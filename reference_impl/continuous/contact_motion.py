@@ -39,8 +39,8 @@ BIAS_DEPTH, BIAS_SHARE = OVERLAP_TOLERANCE, 0.8
 share of it that a shortened substep allows [1]."""
 
 END_RATE, END_ROUNDING = 1.3e-3, 1e-15
-"""Error at the end of a substep, over the fourth power of its length, that is not corrected [m/s4]: such is
-that of the corrected law. And an error which is rounding [m]."""
+"""Error at the end of a substep, over its length and the third power of that of the frame, that is not
+corrected [m/s4]: such is that of the corrected law. And an error which is rounding [m]."""
 CURVED_PARTS = 64
 """Most substeps of a frame for the accuracy of curved contacts."""
 STUCK_SHARE = 0.1
@@ -63,12 +63,12 @@ def bias_share(bodies, pieces, pairs, count, h, state):
     error, most = 0.0, 0.0
     for k in range(count):
         pair = pairs[k]
-        n, p, early, late = pair["normal"], pair["resting_impulse"], pair["bias"], state["velocity"]
+        n, p, early, late = pair["normal"], pair["resting_impulse"], pair["predicted_bias"], state["velocity"]
         if p[0] == 0 and p[1] == 0 and p[2] == 0:
             continue
         a, b, turned = state["velocity_a"], state["velocity_b"], state["impulse"]
         angle = _predict(bodies, pieces, pair, h / 2, a, b, turned, late)
-        if pair["curved"] == 1:
+        if pair["curved"] == 1 or pair["bent"] == 1:
             most = max(most, angle)
             continue
         if pair["curved"] == -1:
@@ -92,7 +92,11 @@ def correct_faces(bodies, pieces, pairs, count, h, state):
                 a, b, n, bias = state["velocity_a"], state["velocity_b"], state["impulse"], state["velocity"]
                 _predict(bodies, pieces, pair, h / 2, a, b, n, bias)
                 if on_paths == 0:
-                    copy_vector(bias, pair["bias"])
+                    # the gap that it left was that of its former place
+                    pair["gap_error"] = 0.0
+                    for i in range(3):
+                        pair["bias"][i] += bias[i] - pair["predicted_bias"][i]
+                    copy_vector(bias, pair["predicted_bias"])
                     continue
                 size = 0.0
                 for i in range(3):
@@ -127,15 +131,17 @@ def curved_share(share, h, state):
 def move_to_middle(bodies, pieces, pair, h):
     """Move a row's levers and normal to the middle of a substep of length h [s], and compute its `bias`;
     returns the turn of the normal [rad]."""
-    a, b = pair["lever_a"], pair["lever_b"]
-    return _predict(bodies, pieces, pair, h / 2, a, b, pair["normal"], pair["bias"])
+    a, b, bias = pair["lever_a"], pair["lever_b"], pair["predicted_bias"]
+    turn = _predict(bodies, pieces, pair, h / 2, a, b, pair["normal"], bias)
+    copy_vector(bias, pair["bias"])
+    return turn
 
 
 @kernel
 def end_error(h, state):
     """Error at the end of a substep of length h [s] that is not corrected [m]; under a coupling that of the
     gap that its law leaves."""
-    return GAP_LEFT / 10 if state["coupled_loop"] == 1 else max(END_RATE * h**4, END_ROUNDING)
+    return GAP_LEFT / 10 if state["coupled_loop"] == 1 else max(END_RATE * state["dt"] ** 3 * h, END_ROUNDING)
 
 
 @kernel

@@ -122,7 +122,8 @@ def begin_row(bodies, pair, floor):
 def solve_contacts(bodies, joints, drivers, pairs, count, h, state):
     """Solve for each `resting_impulse` of the rows `pairs[:count]`; apply the solution.
 
-    The present impulses, which have not been applied, are the warm start.
+    The present impulses, which have not been applied, are the warm start. With `only_led` of the state 1,
+    islands that are not `led` keep theirs.
 
     Args:
         h: time over which the impulses act evenly (resting contact) [s], or 0 for one instant (impact).
@@ -137,7 +138,7 @@ def solve_contacts(bodies, joints, drivers, pairs, count, h, state):
         if pairs[k]["island"] < 0:
             pairs[k]["resting_impulse"][:] = 0.0
             pairs[k]["moment"][:] = 0.0
-        elif is_head(bodies, pairs, k):
+        elif is_head(bodies, pairs, k) and bodies[pairs[k]["island"]]["led"] >= state["only_led"]:
             load_island(bodies, joints, drivers, pairs, k, h, state)
             converged = solve_island(bodies, joints, drivers, pairs, h, state) and converged
     for d in range(len(drivers)):
@@ -185,6 +186,9 @@ def solve_island(bodies, joints, drivers, pairs, h, state):
             # the limit of a joint
             joint = joints[-2 - own]
             state["residual_body_a"], state["residual_body_b"] = joint["parent"], joint["child"]
+        if solver["led"] == 0:
+            state["other_residual"] = residual
+            state["other_body_a"], state["other_body_b"] = state["residual_body_a"], state["residual_body_b"]
     store_island(bodies, joints, drivers, pairs, state)
     return residual <= limit
 

@@ -147,7 +147,7 @@ QUOTED = [
     ("method.md", "contacts, {} events or", "contact.speculative_contacts.DENSE_EVENTS"),
     ("method.md", "at most {} times", "core.conventions.EVENT_CAP"),
     ("method.md", "by {} sweeps of", "solver.contact_solver.FIRST_SWEEPS"),
-    ("method.md", "more than {} contact points in a substep", "contact.resting_contact.CURVED_ROWS"),
+    ("method.md", "more than {} contact points beside faces", "contact.resting_contact.CURVED_ROWS"),
     ("method.md", "sank by more than {:g} m", "core.conventions.OVERLAP_TOLERANCE"),
     ("method.md", "after {} collision times", "paper.frame.COLLISION_TIMES"),
     ("method.md", "`q += (1 - exp(-h / {:g} s))", "paper.attraction.ATTRACTION_TIME"),

@@ -15,7 +15,7 @@ from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import mechanical_energy
 from touchstone.scenarios.catalogue import find
 from touchstone.scenarios.orientations import quaternion
-from touchstone.scenarios.scenario import PairCoefficients, Scenario
+from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario
 from touchstone.scenarios.solids import ball, block, capsule, cylinder, ellipsoid, half_space, slab
 
 G = 9.81
@@ -150,24 +150,36 @@ def test_gentle_bounces_keep_their_restitution(profile: str, speed: float, e: fl
     assert bounced(profile, e, speed) == pytest.approx(e, rel=0.02)
 
 
+def spun_among(profile: str, support: float, *others: Body) -> Recording:
+    """An ellipsoid that spins on a smooth support of that height, among other bodies."""
+    leaning = Rotation.from_rotvec((0.6, 0.0, 0.0))
+    half_axes, up = (0.1, 0.06, 0.15), leaning.inv().apply((0.0, 0.0, 1.0))
+    place = (0.0, 0.0, support + float(np.linalg.norm(up * half_axes)))
+    spun = ellipsoid("spun", "wood", half_axes, 1.0, place, quaternion(leaning), spin=(1.0, 2.0, 9.0))
+    floor, smooth = half_space("floor", "wood"), (PairCoefficients("wood", "wood", 0.0, 0.0),)
+    return play(Scenario("test", "", (), (floor, spun, *others), 0.4, smooth), 60, profile)
+
+
 @pytest.mark.parametrize("profile", ["balanced", "accurate"])
 def test_what_rests_elsewhere_changes_no_motion(profile: str) -> None:
     """Spin and keep the energy as alone where boxes rest, with more contacts than an island of curved ones
     may have."""
-    leaning = Rotation.from_rotvec((0.6, 0.0, 0.0))
-    half_axes, up = (0.1, 0.06, 0.15), leaning.inv().apply((0.0, 0.0, 1.0))
-    height = float(np.linalg.norm(up * half_axes))
-    spun = ellipsoid(
-        "spun", "wood", half_axes, 1.0, (0.0, 0.0, height), quaternion(leaning), spin=(1.0, 2.0, 9.0)
-    )
     boxes = tuple(block(f"box{k}", "wood", (0.1, 0.1, 0.1), 1.0, (0.5 * k, 9.0, 0.1)) for k in range(20))
-    floor, smooth = half_space("floor", "wood"), (PairCoefficients("wood", "wood", 0.0, 0.0),)
-    alone, among = (
-        play(Scenario("test", "", (), (floor, spun, *others), 0.4, smooth), 60, profile)
-        for others in ((), boxes)
-    )
+    alone, among = spun_among(profile, 0.0), spun_among(profile, 0.0, *boxes)
     np.testing.assert_array_equal(among.position[:, 1], alone.position[:, 1])
     np.testing.assert_array_equal(among.angular_velocity[:, 1], alone.angular_velocity[:, 1])
+
+
+@pytest.mark.parametrize("profile", ["balanced", "accurate"])
+def test_a_curved_contact_on_many_faces_is_corrected(profile: str) -> None:
+    """Spin on a plank that rests on 18 boxes as on a floor: the contacts of faces are no crowd."""
+    boxes = tuple(
+        block(f"box{k}", "wood", (0.1, 0.1, 0.1), 1.0, (0.5 * k - 4.25, 0.0, 0.1)) for k in range(18)
+    )
+    plank = block("plank", "wood", (4.5, 0.2, 0.05), 500.0, (0.0, 0.0, 0.25))
+    alone, on_plank = spun_among(profile, 0.0), spun_among(profile, 0.3, plank, *boxes)
+    raised = alone.position[:, 1] + (0.0, 0.0, 0.3)
+    np.testing.assert_allclose(on_plank.position[:, 1], raised, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("shape", ["ball", "cylinder", "capsule"])

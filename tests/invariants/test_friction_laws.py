@@ -14,10 +14,21 @@ from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import energy_ledger
 from touchstone.scenarios.catalogue import catalogue, tagged
 from touchstone.scenarios.closed_form import motion
-from touchstone.scenarios.scenario import FRICTION_LAWS, BodyJoint, PairCoefficients, Scenario
-from touchstone.scenarios.solids import block, slab
+from touchstone.scenarios.scenario import (
+    FRICTION_LAWS,
+    IDENTITY,
+    Body,
+    BodyJoint,
+    PairCoefficients,
+    Piece,
+    Scenario,
+    Sphere,
+    Tracker,
+)
+from touchstone.scenarios.solids import ball, block, slab
 
-FRAME = 1 / 60
+FRAME, G, INERTIA = 1 / 60, 9.81, 2 / 5
+"""Length of a frame [s], gravity [m/s2], inertia of a ball over m r^2 [1]."""
 SCENES = [scenario.name for scenario in tagged("friction_laws")]
 FARTHEST = {"slope_of_blocks": 1e-6, "stick_slip": 1e-4}
 """Largest distance from the closed form over the longest way of a body, 1e-10 in other scenes [1]: a block
@@ -89,6 +100,31 @@ def test_what_slides_with_spin_follows_coulomb() -> None:
     assert away[1] < away[0] / 10
 
 
+def test_a_box_that_a_ball_pushes_off_its_centre_turns_to_second_order() -> None:
+    """Friction under a box opposes the mean of its slip, also where a curved contact moves it."""
+    pushes = Body("ball", "prescribed", "ice", (Piece("ball", Sphere(0.03)),))
+    box, duration, yaws = block("box", "wood", (0.1, 0.1, 0.05), 1.0, (0.1, 0.0, 0.05)), 0.3, []
+    places = ((-0.03, 0.03, 0.05), (-0.03 + duration, 0.03, 0.05))
+    path = Tracker("ball", (), (0.0, duration), places, (IDENTITY,) * 2, ((),) * 2, interpolation="linear")
+    pairs = (PairCoefficients("wood", "wood", 0.0, MU), PairCoefficients("ice", "wood", 0.0, 0.0))
+    for rate in (60, 240, 960):
+        scene = Scenario(
+            "test",
+            "",
+            (),
+            (slab("floor", "wood"), pushes, box),
+            duration,
+            pairs,
+            frame_rate=rate,
+            trackers=(path,),
+        )
+        turned = record(load("reference"), scene, Settings("balanced", 1 / rate)).orientation[-1, 2]
+        yaws.append(2 * np.arctan2(turned[3], turned[0]))
+    coarse, fine = abs(yaws[0] - yaws[2]), abs(yaws[1] - yaws[2])
+    assert coarse < 1e-3
+    assert fine < coarse / 8
+
+
 @pytest.mark.parametrize("scene", ["rolls_to_rest", "spins_to_rest"])
 def test_moments_take_the_energy(scene: str) -> None:
     """The recorded work is the energy of the motion that they end."""
@@ -116,6 +152,21 @@ def test_a_drop_takes_spin_by_its_impulse(lab: SimpleNamespace) -> None:
     impulse = ball.mass * -scene.gravity[2] * scene.duration
     left = 100.0 - length * impulse / ball.inertia[2][2]
     assert run.angular_velocity[-1, scene.body_index("ball"), 2] == pytest.approx(left, rel=1e-9)
+
+
+@pytest.mark.parametrize("rate", [60, 240])
+def test_a_ball_with_backspin_turns_round(rate: int) -> None:
+    """Rolling friction opposes the backspin until sliding has taken it, and the roll from then on."""
+    radius, length, mu, speed, spin, duration = 0.05, 4e-3, 0.3, 2.0, -25.0, 0.3
+    slides, rolls = mu * G / (INERTIA * radius), length * G / (INERTIA * radius**2)
+    turned = -spin / (slides + rolls)
+    thrown = ball("ball", "wood", radius, 1.0, (0.0, 0.0, radius), (speed, 0.0, 0.0), (0.0, spin, 0.0))
+    laws = (PairCoefficients("wood", "wood", 0.0, mu, rolling_friction=length),)
+    scene = Scenario("test", "", (), (slab("table", "wood"), thrown), duration, laws, frame_rate=rate)
+    run = record(load("reference"), scene, Settings("balanced", 1 / rate))
+    way, rate_of_turn = speed * duration - mu * G * duration**2 / 2, (slides - rolls) * (duration - turned)
+    assert run.position[-1, 1, 0] == pytest.approx(way, abs=1e-9)
+    assert run.angular_velocity[-1, 1, 1] == pytest.approx(rate_of_turn, abs=1e-6)
 
 
 def test_wheels_on_axles_roll_to_rest(lab: SimpleNamespace) -> None:

@@ -139,3 +139,24 @@ def test_a_slip_that_reverses_at_once_is_an_event(profile: str) -> None:
     _, (usual, fine) = errors("shaker_across", profile, (60, 120))
     assert usual < 1e-5
     assert fine < 1e-9
+
+
+@pytest.mark.parametrize("rate", [60, 100, 240])
+def test_a_load_leaves_a_platform_where_its_force_ends(rate: int) -> None:
+    """A box on a platform that swings up and down by more than gravity flies on where the platform's
+    acceleration passes -g, wherever in a step that is."""
+    size, w, end = 0.06, 5 * pi, 0.25
+    times = np.linspace(0.0, end, 61)
+    rise = size * (1 - np.cos(w * times)) - 0.05
+    posed = (tuple(times.tolist()), tuple((0.0, 0.0, float(z)) for z in rise), (IDENTITY,) * 61, ((),) * 61)
+    platform = Body("platform", "prescribed", "wood", (Piece("platform", Box((1.0, 1.0, 0.05))),))
+    tracker = Tracker("platform", (), *posed, interpolation="cubic")
+    box, pairs = (
+        block("box", "wood", (0.1, 0.1, 0.05), 1.0, (0.0, 0.0, 0.05)),
+        (PairCoefficients("wood", "wood", 0.0, 0.3),),
+    )
+    scene = Scenario("thrown", "", (), (platform, box), end, pairs, trackers=(tracker,), frame_rate=rate)
+    leaves = float(np.arccos(-GRAVITY / (size * w**2))) / w
+    height, speed, flight = size * (1 - np.cos(w * leaves)), size * w * np.sin(w * leaves), end - leaves
+    found = record(load("reference"), scene, Settings("balanced", 1 / rate)).position[-1, 1, 2] - 0.05
+    assert found == pytest.approx(height + speed * flight - GRAVITY * flight**2 / 2, abs=2e-5)

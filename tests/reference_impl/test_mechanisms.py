@@ -124,6 +124,19 @@ def test_a_ball_on_a_ball_joint_slides_on_a_floor_as_a_pendulum() -> None:
         np.testing.assert_allclose(context.recording.position[-1, 1], place, atol=most)
 
 
+@pytest.mark.parametrize("rate", [60, 90, 240])
+def test_a_sprung_slider_launches_a_ball_where_its_force_ends(rate: int) -> None:
+    """A ball leaves the slider that pushes it at the spring's rest, with the speed of both as one mass."""
+    slider, mass, stiffness, way = rod("slider", ORIGIN, (0.05,) * 3), 0.5, 100.0, 0.2
+    thrown = solid("ball", Sphere(0.05), (0.1, 0.0, 0.0), mass)
+    joint = BodyJoint(
+        "joint", "slider", "", "slider", ORIGIN, (1.0, 0.0, 0.0), stiffness=stiffness, target=way
+    )
+    context = play(scene([slider, thrown], [joint], 0.3, gravity=ORIGIN, frame_rate=rate), rate=rate)
+    speed = way * np.sqrt(stiffness / (1.0 + mass))
+    assert context.recording.linear_velocity[-1, 1, 0] == pytest.approx(speed, abs=20 / rate**3)
+
+
 @pytest.mark.parametrize("seconds", [1.0, pytest.param(inf, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("profile", FARTHEST)
 @pytest.mark.parametrize("name", JOINED)
