@@ -387,9 +387,14 @@ def _keeps_sliding(pair, x, y, z):
 
 @kernel
 def friction_work(bodies, pair, h):
-    """Work of a row's friction on its bodies over a substep of length h [J]."""
-    n, p = pair["normal"], pair["resting_impulse"]
-    x, y, z = _mean_slip(bodies[pair["body_a"]], bodies[pair["body_b"]], pair, h)
+    """Work of a row's friction on its bodies over a substep of length h [J], less that of the moving surface
+    of a body that is not simulated, which the guard subtracts (`energy_guard`)."""
+    n, p, a, b = pair["normal"], pair["resting_impulse"], bodies[pair["body_a"]], bodies[pair["body_b"]]
+    x, y, z = _mean_slip(a, b, pair, h)
+    if a["kind"] != SIMULATED:
+        x, y, z = plus((x, y, z), -1.0, vector_of(pair["surface_a"]))
+    elif b["kind"] != SIMULATED:
+        x, y, z = plus((x, y, z), 1.0, vector_of(pair["surface_b"]))
     along = (n[0] * x + n[1] * y + n[2] * z) * (n[0] * p[0] + n[1] * p[1] + n[2] * p[2])
     return p[0] * x + p[1] * y + p[2] * z - along + moment_work(bodies, pair)
 

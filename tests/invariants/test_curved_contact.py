@@ -15,7 +15,7 @@ from touchstone.reports.metrics.context import Context
 from touchstone.reports.metrics.motion.energy import mechanical_energy
 from touchstone.scenarios.catalogue import find
 from touchstone.scenarios.orientations import quaternion
-from touchstone.scenarios.scenario import Body, PairCoefficients, Scenario
+from touchstone.scenarios.scenario import Body, Box, PairCoefficients, Piece, Scenario, vector
 from touchstone.scenarios.solids import ball, block, capsule, cylinder, ellipsoid, half_space, slab
 
 G = 9.81
@@ -180,6 +180,22 @@ def test_a_curved_contact_on_many_faces_is_corrected(profile: str) -> None:
     alone, on_plank = spun_among(profile, 0.0), spun_among(profile, 0.3, plank, *boxes)
     raised = alone.position[:, 1] + (0.0, 0.0, 0.3)
     np.testing.assert_allclose(on_plank.position[:, 1], raised, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [60, 240])
+@pytest.mark.parametrize("mu", [0.1, 0.5])
+def test_a_round_body_on_a_belt_moves_as_on_a_floor(mu: float, rate: int) -> None:
+    """An ellipsoid that starts with a belt, and slips and rolls on it, gains no energy from it."""
+    pace, laws, found = np.array((5.0, -3.0, 0.0)), (PairCoefficients("wood", "wood", 0.0, mu),), []
+    for moves in (0.0, 1.0):
+        top = Piece("top", Box((20.0, 20.0, 0.5)), surface_velocity=vector(moves * pace))
+        belt = Body("belt", "fixed", "wood", (top,), position=(0.0, 0.0, -0.5))
+        start = vector(moves * pace + (0.3, 0.1, 0.0))
+        body = ellipsoid(
+            "body", "wood", (0.1, 0.07, 0.05), 1.0, (0.0, 0.0, 0.05), velocity=start, spin=(1.0, 5.0, 2.0)
+        )
+        found.append(play(Scenario("test", "", (), (belt, body), 0.6, laws), rate).position[-1, 1])
+    np.testing.assert_allclose(found[1] - 0.6 * pace, found[0], atol=5e-5)
 
 
 @pytest.mark.parametrize("shape", ["ball", "cylinder", "capsule"])
