@@ -72,7 +72,7 @@ def correct_ends(world, count, h, last):
                 if pair["curved"] == 1:
                     error = max(error, _correct(a, b, pair, found, h, world.state, last))
                 else:
-                    error = max(error, _close(a, b, pair, found, h, world.state))
+                    error = max(error, _correct_gap(a, b, pair, found, h, world.state))
             pose_along(a, 0.0)
             pose_along(b, 0.0)
     return error
@@ -148,7 +148,7 @@ def _is_bent(bodies, pair):
 
 
 @kernel
-def _close(a, b, pair, found, h, state):
+def _correct_gap(a, b, pair, found, h, state):
     """Take the gap that a `bent` row leaves at the end into its law of positions; returns its error [m], or 0
     if that is as small as rotation may make it elsewhere."""
     error = found["distance"] - gap_aimed(pair, h, state)

@@ -234,7 +234,8 @@ def _correct_ends(world, count, h):
     converged."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    if state["curved"] + state["mechanisms"] + state["coupled_loop"] == 0:
+    corrects = count > 0 and state["curved"] + state["coupled_loop"] > 0
+    if not corrects and state["mechanisms"] == 0:
         return True
     error = moved = 0.0
     unconverged, follows = state["counters"][COUNT_UNCONVERGED], state["halvings"] < HALVINGS
@@ -246,14 +247,14 @@ def _correct_ends(world, count, h):
                 moved = max(moved, follow_forces(bodies, joints, drivers[d], h))
             if moved == NEVER or not moved <= before:
                 return False
-        if state["curved"] + state["coupled_loop"] > 0:
+        if corrects:
             # under a coupling both laws differ by more than the change of a force
             if state["led_loop"] == 0:
                 for b in range(len(bodies)):
                     curve_rotation(bodies[b], h)
             set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
             error = correct_ends(world, count, h, last)
-        followed = moved <= (LARGEST_ERROR if state["curved"] + state["coupled_loop"] > 0 else 0.0)
+        followed = moved <= (LARGEST_ERROR if corrects else 0.0)
         if (error <= end_error(h, world.state) and followed) or last:
             break
         if k == 0 and state["led_loop"] == 1:
@@ -262,7 +263,7 @@ def _correct_ends(world, count, h):
         _solve_positions(world, count, h, True)
         if state["counters"][COUNT_UNCONVERGED] > unconverged:
             return False
-        if state["curved"] + state["coupled_loop"] == 0 and moved <= LARGEST_ERROR:
+        if not corrects and moved <= LARGEST_ERROR:
             break
     if state["curved"] == 1:
         for k in range(count):

@@ -176,19 +176,17 @@ def solve_island(bodies, joints, drivers, pairs, h, state):
     state["counters"][COUNT_UNCONVERGED] += residual > limit
     if residual > RESIDUAL_ACCEPTED:
         make_passive(solver)
-    if state["separates"] == 0 and residual > max(state["residual"], state["settling"]):
+    least = state["residual"] if solver["led"] == 1 else min(state["residual"], state["other_residual"])
+    if state["separates"] == 0 and residual > max(least, state["settling"]):
         _, worst = residual_of(solver)
         own = rows[max(worst, 0)]["pair"]
-        state["residual"] = residual
-        if own >= 0:
-            state["residual_body_a"], state["residual_body_b"] = pairs[own]["body_a"], pairs[own]["body_b"]
-        else:
-            # the limit of a joint
-            joint = joints[-2 - own]
-            state["residual_body_a"], state["residual_body_b"] = joint["parent"], joint["child"]
-        if solver["led"] == 0:
-            state["other_residual"] = residual
-            state["other_body_a"], state["other_body_b"] = state["residual_body_a"], state["residual_body_b"]
+        # or the limit of a joint
+        a = pairs[own]["body_a"] if own >= 0 else joints[-2 - own]["parent"]
+        b = pairs[own]["body_b"] if own >= 0 else joints[-2 - own]["child"]
+        if residual > state["residual"]:
+            state["residual"], state["residual_body_a"], state["residual_body_b"] = residual, a, b
+        if solver["led"] == 0 and residual > state["other_residual"]:
+            state["other_residual"], state["other_body_a"], state["other_body_b"] = residual, a, b
     store_island(bodies, joints, drivers, pairs, state)
     return residual <= limit
 

@@ -397,7 +397,7 @@ def page_of(folder: Path) -> tuple[str, str, dict[str, Path]]:
 
 
 def _origin(facts: dict) -> str:
-    # where the folder was on that machine is nobody else's
+    # without the path of that machine
     command = re.sub(r" --out(=| )('[^']*'|\S+)", "", facts.get("command") or "")
     known = {"Command": command, "commit": facts.get("commit"), "day": facts.get("day")}
     known |= {name: facts.get("machine", {}).get(name) for name in ("processor", "cores")}
