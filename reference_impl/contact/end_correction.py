@@ -21,7 +21,7 @@ from touchstone.reference_impl.continuous.contact_kinematics import (
     is_moving,
     is_round,
 )
-from touchstone.reference_impl.continuous.contact_motion import BIAS_DEPTH, BIAS_SHARE, end_error
+from touchstone.reference_impl.continuous.contact_motion import end_error
 from touchstone.reference_impl.continuous.forced_rotation import mean_omega_curve
 from touchstone.reference_impl.continuous.free_rotation import is_isotropic
 from touchstone.reference_impl.continuous.swept_motion import pose_along
@@ -49,8 +49,8 @@ RETURN_SHARE = 1e-3
 
 @kernel
 def correct_ends(world, count, h, last):
-    """Correct the curved and the `bent` rows of `pairs[:count]` by their geometry at the end of a substep of
-    length h [s], to which the motions of their bodies lead; poses these at its start.
+    """Correct the curved rows of `pairs[:count]` by their geometry at the end of a substep of length h [s],
+    to which the motions of their bodies lead; poses these at its start.
 
     Args:
         last: measure the errors alone.
@@ -66,13 +66,10 @@ def correct_ends(world, count, h, last):
             pose_along(bodies[b], 0.0)
     for k in range(count):
         pair = pairs[k]
-        if (pair["curved"] == 1 or _is_bent(bodies, pair)) and pair["floor"] != NO_FLOOR:
+        if pair["curved"] == 1 and pair["floor"] != NO_FLOOR:
             a, b, pair["leaves"] = bodies[pair["body_a"]], bodies[pair["body_b"]], NEVER
             if _end_geometry(world, a, b, pair, found):
-                if pair["curved"] == 1:
-                    error = max(error, _correct(a, b, pair, found, h, world.state, last))
-                else:
-                    error = max(error, _correct_gap(a, b, pair, found, h, world.state))
+                error = max(error, _correct(a, b, pair, found, h, world.state, last))
             pose_along(a, 0.0)
             pose_along(b, 0.0)
     return error
@@ -138,26 +135,6 @@ def _end_geometry(world, a, b, pair, out_found):
     for i in range(3):
         out_found["normal"][i], out_found["point_a"][i], out_found["point_b"][i] = n[i], p[i], q[i]
     return True
-
-
-@kernel
-def _is_bent(bodies, pair):
-    """Whether a row presses a body on a coupling, whose path is corrected by the gap that it leaves."""
-    p = pair["resting_impulse"]
-    return pair["bent"] == 1 and is_led(bodies, pair) and (p[0] != 0 or p[1] != 0 or p[2] != 0)
-
-
-@kernel
-def _correct_gap(a, b, pair, found, h, state):
-    """Take the gap that a `bent` row leaves at the end into its law of positions; returns its error [m], or 0
-    if that is as small as rotation may make it elsewhere."""
-    error = found["distance"] - gap_aimed(pair, h, state)
-    if abs(error) <= BIAS_SHARE * BIAS_DEPTH:
-        return 0.0
-    x, y, z = _mean_slip(a, b, pair, h)
-    way = dot(vector_of(pair["normal"]), (x, y, z))
-    pair["gap_error"] = found["distance"] - pair["distance"] - h * way
-    return abs(error)
 
 
 @kernel

@@ -234,8 +234,7 @@ def _correct_ends(world, count, h):
     converged."""
     bodies, joints, drivers = world.bodies, world.joints, world.drivers
     pairs, state = world.pairs, world.state
-    corrects = count > 0 and state["curved"] + state["coupled_loop"] > 0
-    if not corrects and state["mechanisms"] == 0:
+    if state["curved"] + state["mechanisms"] == 0:
         return True
     error = moved = 0.0
     unconverged, follows = state["counters"][COUNT_UNCONVERGED], state["halvings"] < HALVINGS
@@ -247,14 +246,14 @@ def _correct_ends(world, count, h):
                 moved = max(moved, follow_forces(bodies, joints, drivers[d], h))
             if moved == NEVER or not moved <= before:
                 return False
-        if corrects:
+        if state["curved"] == 1:
             # under a coupling both laws differ by more than the change of a force
             if state["led_loop"] == 0:
                 for b in range(len(bodies)):
                     curve_rotation(bodies[b], h)
             set_ways(bodies, joints, drivers, pairs, count, h, state["dt"])
             error = correct_ends(world, count, h, last)
-        followed = moved <= (LARGEST_ERROR if corrects else 0.0)
+        followed = moved <= (LARGEST_ERROR if state["curved"] == 1 else 0.0)
         if (error <= end_error(h, world.state) and followed) or last:
             break
         if k == 0 and state["led_loop"] == 1:
@@ -263,7 +262,7 @@ def _correct_ends(world, count, h):
         _solve_positions(world, count, h, True)
         if state["counters"][COUNT_UNCONVERGED] > unconverged:
             return False
-        if not corrects and moved <= LARGEST_ERROR:
+        if state["curved"] == 0 and moved <= LARGEST_ERROR:
             break
     if state["curved"] == 1:
         for k in range(count):
@@ -532,9 +531,8 @@ def _prepare_resting_contacts(world, count, h):
         # on paths that a coupling bends both laws differ by more
         one, two = bodies[pair["body_a"]], bodies[pair["body_b"]]
         bent = is_coupled(one, world.drivers) or is_coupled(two, world.drivers)
-        corrected = smooth and pair["crowded"] == 0
-        pair["curved"] = 1 if corrected and not bent else 0
-        pair["bent"] = 1 if corrected and bent else 0
+        pair["bent"] = 1 if bent else 0
+        pair["curved"] = 1 if smooth and pair["crowded"] == 0 and not bent else 0
     patch_flight = max(APPROACH_MIN, rest_speed(state))
     if smooth:
         _except_faces(pairs, count, patch_flight)

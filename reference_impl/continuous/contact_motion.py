@@ -68,7 +68,7 @@ def bias_share(bodies, pieces, pairs, count, h, state):
             continue
         a, b, turned = state["velocity_a"], state["velocity_b"], state["impulse"]
         angle = _predict(bodies, pieces, pair, h / 2, a, b, turned, late)
-        if pair["curved"] == 1 or pair["bent"] == 1:
+        if pair["curved"] == 1:
             most = max(most, angle)
             continue
         if pair["curved"] == -1:
@@ -92,8 +92,6 @@ def correct_faces(bodies, pieces, pairs, count, h, state):
                 a, b, n, bias = state["velocity_a"], state["velocity_b"], state["impulse"], state["velocity"]
                 _predict(bodies, pieces, pair, h / 2, a, b, n, bias)
                 if on_paths == 0:
-                    # the gap that it left was that of its former place
-                    pair["gap_error"] = 0.0
                     for i in range(3):
                         pair["bias"][i] += bias[i] - pair["predicted_bias"][i]
                     copy_vector(bias, pair["predicted_bias"])
