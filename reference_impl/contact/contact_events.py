@@ -9,9 +9,9 @@ substep.
 from math import acos, sqrt
 
 from touchstone.reference_impl.continuous.contact_kinematics import is_round
-from touchstone.reference_impl.core.conventions import EVENT_CAP, NEVER, NO_FLOOR, RELEASED
+from touchstone.reference_impl.core.conventions import EVENT_CAP, GRIPS, NEVER, NO_FLOOR, RELEASED
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import cross, dot, plus, rotate, vector_of
+from touchstone.reference_impl.core.rotation import carried_along, cross, dot, plus, rotate, vector_of
 from touchstone.reference_impl.solver.islands import has_moment
 from touchstone.reference_impl.solver.mobility import carry_turn, final_velocity, relative_turn
 
@@ -146,7 +146,7 @@ def _stop(bodies, pairs, k, h, jams, state):
     u / (u - f + (f - u') L / p) of the substep. Friction that stops the sliding exactly at the end is less
     than L. If other contacts reverse the sliding, it points forward, p < 0: at the limit against the sliding,
     it would change u' by p - L over the mass of both bodies. A stop whose position is exact to STOP_ERROR
-    within h is no event.
+    within h is no event, nor that of a row that grips: its slip is the error of a prediction.
     """
     first, rows, fastest, last, turns = k, 0, 0.0, 0.0, False
     u = f = end = p = limit = 0.0
@@ -155,7 +155,8 @@ def _stop(bodies, pairs, k, h, jams, state):
         pair = pairs[k]
         n, held, slip = pair["normal"], pair["resting_impulse"], _slip(pair)
         j = n[0] * held[0] + n[1] * held[1] + n[2] * held[2]
-        if j > 0 and slip > SLIP_MIN:
+        grips = pair["static"] > 0 and pair["grip"] == GRIPS
+        if j > 0 and slip > SLIP_MIN and not grips:
             v_n = final_velocity(bodies, pair, state)
             along = along_slip(pair, v) / slip
             rest = v[0] * v[0] + v[1] * v[1] + v[2] * v[2] - v_n * v_n
@@ -283,11 +284,10 @@ def is_led(bodies, pair):
 @kernel
 def slip_turn(bodies, pair, state):
     """Turn of the direction in which a row slides over the substep [rad]; 0 if it does not slide throughout,
-    in a crowd, on bodies on a coupling, under friction beyond mu on bodies that are not prescribed, and by
-    the law of positions among mechanisms. What slides back has stopped within (`first_stop`)."""
+    in a crowd, on bodies on a coupling, and under friction beyond mu on bodies that are not prescribed. What
+    slides back has stopped within (`first_stop`)."""
     p, slip, v = pair["resting_impulse"], _slip(pair), state["velocity"]
-    alone = pair["bent"] == 0 and (state["mechanisms"] == 0 or not is_led(bodies, pair))
-    follows = is_carried(state) or (state["statics"] + state["moments"] == 0 and alone)
+    follows = is_carried(state) or (state["statics"] + state["moments"] + pair["bent"] == 0)
     if not follows or pair["crowded"] == 1 or slip <= SLIDE_MIN or (p[0] == 0 and p[1] == 0 and p[2] == 0):
         return 0.0
     v_n = final_velocity(bodies, pair, state)
@@ -301,7 +301,8 @@ def first_onset(pairs, count, h, state):
     none does by the present forces, ONSET_SOUGHT if one slides already.
 
     Contacts change their forces within a substep where prescribed bodies accelerate. With F the mean force
-    over it and G that until t = `last_time`, the force at its time s is F + (F - G) (2 s - h) / (h - t).
+    over it and G that until t = `last_time`, both as seen from the normal, the force at its time s
+    is F + (F - G) (2 s - h) / (h - t).
     """
     first = NEVER
     for k in range(count):
@@ -311,9 +312,10 @@ def first_onset(pairs, count, h, state):
         now, last, row = state["velocity_a"], state["velocity_b"], k
         now[:] = last[:] = 0.0
         while row >= 0:
+            force = carried_along(pairs[row]["last_normal"], pair["normal"], pairs[row]["last_force"])
             for i in range(3):
                 now[i] += pairs[row]["resting_impulse"][i] / h
-                last[i] += pairs[row]["last_force"][i]
+                last[i] += force[i]
             row = pairs[row]["next_point"]
         n, mu = pair["normal"], max(pair["friction"], pair["static"])
         if mu == 0 or _cone(n, mu, last, last) >= -CONE_CLOSE * (mu * dot(n, last)) ** 2:

@@ -60,10 +60,11 @@ from touchstone.reference_impl.continuous.driver_motion import (
 )
 from touchstone.reference_impl.continuous.forced_rotation import curve_rotation
 from touchstone.reference_impl.continuous.hinge_motion import has_limits
-from touchstone.reference_impl.continuous.mechanism_dynamics import set_drifts
+from touchstone.reference_impl.continuous.mechanism_dynamics import first_rest, set_drifts
 from touchstone.reference_impl.continuous.mechanism_motion import follow_forces, note_forces
 from touchstone.reference_impl.core.conventions import (
     APPROACH_MIN,
+    EVENT_CAP,
     GAP_LEFT,
     NEVER,
     NO_FLOOR,
@@ -365,6 +366,8 @@ def _solve_velocities(world, count, h):
                 exact = min(exact, curved_share(turned, h, state))
             if state["led_loop"] == 1 and state["led"] == 1:
                 exact = min(exact, _swing_share(world, count, h))
+            if state["mechanisms"] == 1:
+                exact = min(exact, _rest_share(world, h))
             # what carries no load until it was to stop does not stop then
             share, most = min(NEVER if unloaded else share, exact), min(most, exact * h)
             if converged and starts_to_curve(pairs, count, h, state):
@@ -445,6 +448,17 @@ def _swing_share(world, count, h):
 
 
 @kernel
+def _rest_share(world, h):
+    """Share of a substep of length h after which a brake first stops its joint, or a motor has its rate; of
+    what is so near that the solve handles it, none."""
+    drivers, state, first = world.drivers, world.state, NEVER
+    for d in range(state["driven_count"], len(drivers)):
+        if drivers[d]["held"] == 1:
+            first = min(first, first_rest(world.joints, drivers[d], h))
+    return first if first > 1 / EVENT_CAP else NEVER
+
+
+@kernel
 def _solve_with_grips(world, count, h):
     """Solve the law of velocities once more, after grips have changed; returns whether it converged."""
     start_again(world, count)
@@ -475,6 +489,7 @@ def _end_at_onset(world, count, h):
             break
         if share != ONSET_SOUGHT:
             for k in range(count):
+                copy_vector(pairs[k]["normal"], pairs[k]["last_normal"])
                 for i in range(3):
                     pairs[k]["last_force"][i] = pairs[k]["resting_impulse"][i] / h
             state["last_time"] = h
@@ -625,9 +640,6 @@ def _solve_together(world, count, h):
         load_impulse(bodies, pairs[k], state, h)
         if state["statics"] == 1:
             find_grip(pairs[k])
-        if (state["led_loop"] == 1 or state["statics"] == 1) and state["last_time"] < 0:
-            for i in range(3):
-                pairs[k]["last_force"][i] = pairs[k]["resting_impulse"][i] / h
     _forget_residual(state, 0)
     state["lead"] = VELOCITY_LEAD
     state["slack"] = FIRST_SLACK

@@ -19,6 +19,7 @@ from touchstone.reference_impl.core.conventions import (
     JOINT_FREE,
     JOINT_HINGE,
     JOINT_SLIDER,
+    NEVER,
 )
 from touchstone.reference_impl.core.kernel import kernel
 from touchstone.reference_impl.core.rotation import conjugate_by, cross, dot, plus, rotate, times, vector_of
@@ -162,7 +163,8 @@ def hold_joints(joints, driver, h):
         joint = joints[k]
         joint["held"], joint["answer"] = 0, 0.0
         if joint["width"] > 0 and joint["stiffness"] + joint["damping"] > 0:
-            if _is_fast(joint, joint_mobility(joint, driver), h):
+            joint["mobility"] = joint_mobility(joint, driver)
+            if _is_fast(joint, joint["mobility"], h):
                 joint["held"] = driver["held"] = 1
                 for j in range(joint["width"]):
                     c, force = joint["coordinate"] + j, _asked_force(joint, driver, j)
@@ -192,22 +194,50 @@ def drop_holds(joints, driver):
 
 
 @kernel
-def note_lacks(joints, driver):
+def note_lacks(joints, driver, h):
     """Store in `lacks` by how much the even force of each held joint lacks that of its mean position and of
-    its rate at the end of the substep, where the mechanism is; up to its largest, if it was that.
+    its rate at the end of the substep of length h, where the mechanism is. One that is asked for less than
+    its largest answers again.
 
     So springs keep their energy, and dampers stop what is fast.
     """
     for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
         joint, c = joints[k], joints[k]["coordinate"]
         for j in range(joint["width"] if joint["held"] == 1 else 0):
-            force, most = _asked_force(joint, driver, j), joint["largest_force"]
+            force, most, held = _asked_force(joint, driver, j), joint["largest_force"], driver["held_force"]
             if joint["width"] == 1:
                 moved = driver["positions"][joint["place"]] - driver["start_positions"][joint["place"]]
                 force += joint["stiffness"] * moved / 2
             if joint["answer"] == 0:
-                force = min(max(force, -most), most)
-            driver["lacks"][c + j] = force - driver["held_force"][c + j]
+                if (force if held[c + j] > 0 else -force) < most:
+                    joint["answer"] = _even_answer(joint, h)
+                else:
+                    force = min(max(force, -most), most)
+            driver["lacks"][c + j] = force - held[c + j]
+
+
+@kernel
+def first_rest(joints, driver, h):
+    """Fraction of a substep of length h at which the first held joint, driven by its largest force, reaches
+    the rate of its damper or motor; NEVER if none does.
+
+    With the mobility m, the rate u becomes u' by the even force F, and u' + h m (L - F) by the largest L.
+    """
+    first = NEVER
+    for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+        joint, c, most = joints[k], joints[k]["coordinate"], joints[k]["largest_force"]
+        if joint["held"] == 0 or joint["width"] != 1 or joint["stiffness"] > 0:
+            continue
+        start, gain = driver["start_rates"][c], driver["gains"][c] - driver["known_gains"][c]
+        away = joint["target_rate"] - start
+        force = driver["held_force"][c] - joint["answer"] * gain / h
+        if joint["damping"] * abs(away) <= most or abs(force) >= most:
+            continue
+        full = most if away > 0 else -most
+        change = driver["end_rates"][c] + driver["gains"][c] - start + h * joint["mobility"] * (full - force)
+        if change * away > 0 and abs(away) < abs(change):
+            first = min(first, away / change)
+    return first
 
 
 @kernel

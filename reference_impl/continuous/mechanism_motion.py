@@ -175,7 +175,7 @@ def _find_end(bodies, joints, driver, h):
             driver["end_rates"][i] = driver["rates"][i] - driver["known_gains"][i]
         if driver["held"] == 0 or driver["lost"] == 1:
             break
-        note_lacks(joints, driver)
+        note_lacks(joints, driver, h)
         _pose_middle(bodies, joints, driver)
         if answer_lacks(bodies, joints, driver, h) <= driver["step_error"]:
             break

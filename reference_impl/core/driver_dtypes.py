@@ -107,6 +107,7 @@ JOINT = record(
     parent_anchor=VECTOR,  # from the bodies' centres of mass, in their axes; from the origin of the world
     child_anchor=VECTOR,
     held="i8",  # 1: its spring and damper are too fast for the substep, and their force is even over it
+    mobility="f8",  # rate per impulse along it at the start of the substep, if it has either
     answer="f8",  # inertia of the rate by which its spring and damper answer a force over a substep
     child_axis=VECTOR,  # `axis` in the child's axes, of a hinge
     rest_turn=QUATERNION,  # orientation of the child in the parent's axes at position 0

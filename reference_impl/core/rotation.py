@@ -213,3 +213,10 @@ def rate_of(v, spin):
 def turned_by(v, u):
     """A vector u turned by the rotation vector v: u + [v] J u."""
     return plus(u, 1.0, cross(v, spin_of(v, u)))
+
+
+@kernel
+def carried_along(m, n, v):
+    """Vector v after the smallest rotation that turns unit vector m into n, which is not opposite."""
+    s = plus(m, 1.0, n)
+    return plus(plus(v, -dot(s, v) / (1 + dot(m, n)), s), 2 * dot(m, v), n)

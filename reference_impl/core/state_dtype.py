@@ -126,6 +126,7 @@ STATE = record(
     warm_start_pieces=("i8", (WARM_START_CAPACITY, 2)),
     warm_start_point=("f8", (WARM_START_CAPACITY, 3)),
     warm_start_force=("f8", (WARM_START_CAPACITY, 3)),
+    warm_start_normal=("f8", (WARM_START_CAPACITY, 3)),
     warm_start_stuck=("i8", (WARM_START_CAPACITY,)),
     warm_start_moment=("f8", (WARM_START_CAPACITY, 3)),
     # time from the substep's start to an earlier solve's end, negative of the substep before; 0: unknown [s]

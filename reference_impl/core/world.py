@@ -219,6 +219,7 @@ PAIR = record(
     merged="i8",  # MERGED_*: the body whose other pieces share the row's manifold
     free_slip="f8",  # sliding speed after forces without impulses, along the direction before them [m/s]
     last_force=VECTOR,  # mean contact force from the substep's start to `last_time`, or back to it [N]
+    last_normal=VECTOR,  # its normal
     spare=VECTOR,  # alternative impulse: that of the law of positions, or of an impact without rebound [N s]
     before_a=VECTOR,  # surface velocities before the solve [m/s]
     before_b=VECTOR,

@@ -152,8 +152,7 @@ def load_island(bodies, joints, drivers, pairs, head, h, state):
         lead = max(lead, _lead_on(bodies, drivers, pair["body_b"], state))
         held = bodies[pair["body_a"]]["led"] == 1 or bodies[pair["body_b"]]["led"] == 1
         solver["led"] = 1 if lead > 0 or held else solver["led"]
-        if pair["slides"] == 1 and state["lead"] < 1:
-            oppose_mean_slip(row)
+        opposes_mean = pair["slides"] == 1 and state["lead"] < 1
         bias_share = 1.0
         if lead > 0 or (held and state["lead"] == 1):
             _add_lead(bodies, drivers, pair, max(lead, state["lead"]), u)
@@ -170,8 +169,15 @@ def load_island(bodies, joints, drivers, pairs, head, h, state):
                 continue
             for i in range(3):
                 w[i, i] += LOCKED * trace
-            _drop_locked(solver, row, pair["bias"], bias_share, LOCKED * trace)
+            _drop_locked(solver, row, pair["bias"], bias_share, LOCKED * trace, u)
+            if opposes_mean:
+                turned = row["rate"]
+                for i in range(3):
+                    turned[i] = row["before"][i] - u[i]
+                _drop_locked(solver, row, turned, 1.0, LOCKED * trace, row["before"])
             solver["joined"] = 1
+        if opposes_mean:
+            oppose_mean_slip(row)
         prepare_row(row)
         if has_moment(pair):
             # the lead of the velocities above
@@ -183,26 +189,26 @@ def load_island(bodies, joints, drivers, pairs, head, h, state):
 
 
 @kernel
-def _drop_locked(solver, row, bias, share, least):
-    """Take from a row's velocity its share of a bias along directions in which joints hold its point: it
+def _drop_locked(solver, row, change, share, least, out_velocity):
+    """Take from a velocity of a row its share of a change along directions in which joints hold its point: it
     comes of how these turn within the substep, and no impulse changes it. The speed along the normal stays,
     unless joints hold that too. `least` is the mobility in such directions."""
     if row["friction"] == 0:
         return
     s, x, y, n = solver["kernel"], row["swept"], row["direction"], row["normal"]
     for i in range(3):
-        x[i], y[i] = share * least * bias[i], least * n[i]
+        x[i], y[i] = share * least * change[i], least * n[i]
         for j in range(3):
             s[i, j] = row["mobility"][i, j]
     factorise(s, 3)
-    # the parts of bias and normal along such directions
+    # the parts of change and normal along such directions
     for part in (x, y):
         solve_lower(s, 3, part)
         solve_upper(s, 3, part)
     freely = 1 - dot(n, y)
     along = dot(n, x) / freely if freely > LEAST_FREEDOM else 0.0
     for i in range(3):
-        row["free"][i] += along * (n[i] - y[i]) - x[i]
+        out_velocity[i] += along * (n[i] - y[i]) - x[i]
 
 
 @inlined_kernel

@@ -7,7 +7,7 @@ import numpy as np
 
 from touchstone.reference_impl.continuous.contact_motion import set_surface_motion
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import copy_vector, cross, dot, times
+from touchstone.reference_impl.core.rotation import carried_along, copy_vector, cross, dot, times
 from touchstone.reference_impl.kinematics.skeleton import move_links
 from touchstone.reference_impl.solver.hinge_response import push_hinges, push_joints
 
@@ -60,14 +60,7 @@ def carry_turn(pair, w, sign):
     """Carry an angular velocity w with the normal of a row, which a substep turns: from its start to the
     middle (sign 1), or back there from its end (sign -1)."""
     n, m = pair["start_normal"], pair["normal"]
-    axis = times(sign, cross(n, m))
-    turned = cross(axis, w)
-    twice, part = cross(axis, turned), 1 / (1 + dot(n, m))
-    return (
-        w[0] + turned[0] + part * twice[0],
-        w[1] + turned[1] + part * twice[1],
-        w[2] + turned[2] + part * twice[2],
-    )
+    return carried_along(n, m, w) if sign > 0 else carried_along(m, n, w)
 
 
 @kernel

@@ -5,11 +5,13 @@ Each body has a list of its stored points, so a look-up visits the contacts of o
 
 from touchstone.reference_impl.core.conventions import SIMULATED, WARM_START_CAPACITY
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
+from touchstone.reference_impl.core.rotation import copy_vector, dot
 
 
 @inlined_kernel
 def load_impulse(bodies, pair, state, h):
-    """Set `resting_impulse` from the stored force at the pair's nearest contact point, if there is one."""
+    """Set `resting_impulse` from the stored force at the pair's nearest contact point, if there is one, and
+    `last_force` if that is the one until the start of the substep."""
     body = bodies[_anchor(bodies, pair)]
     nearest, least, m = -1, 0.0, body["memory"] - 1
     while m >= 0:
@@ -23,7 +25,14 @@ def load_impulse(bodies, pair, state, h):
             if nearest < 0 or distance < least:
                 nearest, least = m, distance
         m = state["warm_start_next"][m] - 1
+    begins = state["last_time"] < 0
+    if begins:
+        pair["last_force"][:] = 0.0
     if nearest >= 0:
+        # what touches from the other side now has another past
+        if begins and dot(state["warm_start_normal"][nearest], pair["normal"]) > 0:
+            copy_vector(state["warm_start_force"][nearest], pair["last_force"])
+            copy_vector(state["warm_start_normal"][nearest], pair["last_normal"])
         if state["statics"] == 1:
             pair["stuck"] = state["warm_start_stuck"][nearest]
         for i in range(3):
@@ -41,6 +50,7 @@ def store_impulses(bodies, pairs, count, state, h):
         pair = pairs[k]
         body = bodies[_anchor(bodies, pair)]
         state["warm_start_pieces"][k, 0], state["warm_start_pieces"][k, 1] = pair["piece_a"], pair["piece_b"]
+        copy_vector(pair["normal"], state["warm_start_normal"][k])
         if state["statics"] == 1:
             state["warm_start_stuck"][k] = pair["stuck"]
         for i in range(3):
