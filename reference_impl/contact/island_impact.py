@@ -7,9 +7,10 @@ sliding only adds to the loss. Sticking friction can gain energy, but not at e =
 The guard takes the impulses p0 at e = 0 and p1 at e, and moves from p1 towards p0 until T = 0:
 T(p0 + s (p1 - p0)) is a parabola in s. The impulses stay in the cones, which are convex.
 
-Held joints of mechanisms answer an impact by an inertia A that has no kinetic energy: if it changes their
-rates from r to r+, T falls by (r+.A r+ - r.A r) / 2. An impact that slows them could take energy from A, so
-at p0 the guard first lets A slow them, to (M + A)^-1 M r, and moves between both motions.
+Held joints of mechanisms answer an impact by an inertia A that has no kinetic energy; one that would need
+more than its largest force over the substep yields, without an answer. If the impact changes rates from r to
+r+, T falls by (r+.A r+ - r.A r) / 2. An impact that slows them could take energy from A, so at p0 the guard
+first lets A slow them, to (M + A)^-1 M r, and moves between both motions.
 """
 
 from math import sqrt
@@ -20,6 +21,7 @@ from touchstone.reference_impl.continuous.mechanism_motion import (
     note_rates,
     set_rates,
     slow_joints,
+    yield_to_impact,
 )
 from touchstone.reference_impl.core.conventions import ENERGY_ROUNDING
 from touchstone.reference_impl.core.counters import COUNT_GUARDED, COUNT_IMPULSES
@@ -70,6 +72,9 @@ def _strike(bodies, joints, drivers, pairs, head, alone, state):
     for d in range(state["driven_count"], len(drivers)):
         note_rates(drivers[d], drivers[d]["start_rates"])
     gain, work = _solve(bodies, joints, drivers, pairs, head, alone, state)
+    while _yield(bodies, joints, drivers, state):
+        _take_back(bodies, joints, drivers, pairs, head, state)
+        gain, work = _solve(bodies, joints, drivers, pairs, head, alone, state)
     for d in range(state["driven_count"], len(drivers)):
         if drivers[d]["hinge_mover"] >= 0:
             end, start = drivers[d]["rates"], drivers[d]["start_rates"]
@@ -77,6 +82,27 @@ def _strike(bodies, joints, drivers, pairs, head, alone, state):
             gain += answered(joints, drivers[d], start, start) / 2
     if gain > ENERGY_ROUNDING * work:
         _guard(bodies, joints, drivers, pairs, head, alone, gain, state)
+
+
+@kernel
+def _yield(bodies, joints, drivers, state):
+    """Let the held joints of mechanisms yield that an impact overloads; returns whether any does."""
+    found = False
+    for d in range(state["driven_count"], len(drivers)):
+        found = yield_to_impact(bodies, joints, drivers[d]) or found
+    return found
+
+
+@kernel
+def _take_back(bodies, joints, drivers, pairs, head, state):
+    """Return an island to its motion before its impact."""
+    k = head
+    while k >= 0:
+        _add_impulse(bodies, joints, drivers, pairs[k], -1.0, state)
+        pairs[k]["resting_impulse"][:] = pairs[k]["moment"][:] = 0.0
+        k = pairs[k]["next_row"]
+    for d in range(state["driven_count"], len(drivers)):
+        set_rates(bodies, joints, drivers[d], drivers[d]["start_rates"], drivers[d]["start_rates"], 0.0)
 
 
 @kernel
@@ -145,12 +171,10 @@ def _guard(bodies, joints, drivers, pairs, head, alone, gain, state):
         pair = pairs[k]
         copy_vector(pair["resting_impulse"], pair["spare"])
         copy_vector(pair["moment"], pair["spare_moment"])
-        _add_impulse(bodies, joints, drivers, pair, -1.0, state)
-        pair["resting_impulse"][:] = pair["moment"][:] = 0.0
         pair["floor"] = min(pair["floor"], 0.0)
         k = pair["next_row"]
+    _take_back(bodies, joints, drivers, pairs, head, state)
     for d in range(state["driven_count"], len(drivers)):
-        set_rates(bodies, joints, drivers[d], drivers[d]["start_rates"], drivers[d]["start_rates"], 0.0)
         if drivers[d]["hinge_mover"] >= 0:
             slow_joints(bodies, joints, drivers[d])
     start, _ = _solve(bodies, joints, drivers, pairs, head, alone, state)

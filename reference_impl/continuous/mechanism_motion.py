@@ -127,11 +127,27 @@ def is_pressed(joints, driver):
 def weigh_for_impact(bodies, joints, driver, h):
     """Let the joints of a pressed mechanism that are too fast for a time h answer impacts as they do forces
     over h."""
-    driver["held"] = 0
+    driver["held"], driver["held_time"] = 0, h
     if is_pressed(joints, driver) and has_springs(joints, driver):
         hold_joints(joints, driver, h)
         if driver["held"] == 1:
             weigh_answers(bodies, joints, driver)
+
+
+@kernel
+def yield_to_impact(bodies, joints, driver):
+    """Let the held joints answer no more that have changed their rates since the start of an impact by more
+    than their largest forces do over the time of `weigh_for_impact`; returns whether any does."""
+    found = False
+    if driver["held"] == 1:
+        for k in range(driver["first_joint"], driver["first_joint"] + driver["joint_count"]):
+            for c in range(joints[k]["coordinate"], joints[k]["coordinate"] + joints[k]["width"]):
+                change = abs(driver["rates"][c] - driver["start_rates"][c])
+                if joints[k]["answer"] * change > driver["held_time"] * joints[k]["largest_force"]:
+                    joints[k]["answer"], found = 0.0, True
+    if found:
+        weigh_answers(bodies, joints, driver)
+    return found
 
 
 @kernel

@@ -268,6 +268,7 @@ DRIVER = record(
     touches="i8",  # 1: rows of contact act on its bodies
     holds="i8",  # 1: they, or limits, do so in the motion to `end_*`, so joints that are too fast are held
     held="i8",  # 1: a joint is
+    held_time="f8",  # time over which held joints answer impacts as they do forces [s]
     held_force=("f8", (HINGE_CAPACITY,)),  # even force of held joints along each rate
     lacks=("f8", (HINGE_CAPACITY,)),  # scratch: force at the end, less that
     end_time="f8",  # its length, or -1 [s]

@@ -7,7 +7,7 @@ import numpy as np
 
 from touchstone.reference_impl.continuous.contact_motion import set_surface_motion
 from touchstone.reference_impl.core.kernel import inlined_kernel, kernel
-from touchstone.reference_impl.core.rotation import carried_along, copy_vector, cross, dot, times
+from touchstone.reference_impl.core.rotation import carried_along, copy_vector, cross, dot
 from touchstone.reference_impl.kinematics.skeleton import move_links
 from touchstone.reference_impl.solver.hinge_response import push_hinges, push_joints
 

@@ -142,8 +142,8 @@ def ridden(axis: tuple[float, float, float], angle, until: float, rate: int) -> 
 
 @pytest.mark.parametrize("rate", [60, 75, 90])
 def test_a_grip_on_a_turntable_holds_to_its_static_limit(rate):
-    """On a table of w = t^2 a load stays until (w^4 + w'^2) r^2 = (mu_s g)^2: its slip of some 1e-6 m/s by the
-    error of a prediction was taken for sliding, 0.18 s before."""
+    """On a table of w = t^2 a load stays until (w^4 + w'^2) r^2 = (mu_s g)^2: a slip of some 1e-6 m/s is the
+    error of its prediction, and no sliding."""
     limit = brentq(lambda t: PLACE[0] * np.hypot(t**4, 2 * t) - STATIC * GRAVITY, 0.1, 3.0)
     times, centers = ridden((0.0, 0.0, 1.0), lambda t: t**3 / 3, limit + 0.1, rate)
     moved = np.linalg.norm(centers - PLACE, axis=1)

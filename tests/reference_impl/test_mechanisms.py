@@ -48,8 +48,14 @@ def solid(name: str, shape: Shape, center: tuple[float, ...], mass: float = 1.0,
     return Body(name, "simulated", "steel", (piece,), mass, middle, inertia, position=(x, y, z), **fields)  # type: ignore[arg-type]
 
 
-def rod(name: str, center: tuple[float, ...], half: tuple[float, float, float], **fields: object) -> Body:
-    return solid(name, Box(half), center, **fields)
+def rod(
+    name: str,
+    center: tuple[float, ...],
+    half: tuple[float, float, float],
+    mass: float = 1.0,
+    **fields: object,
+) -> Body:
+    return solid(name, Box(half), center, mass, **fields)
 
 
 def scene(bodies: list[Body], joints: list[BodyJoint], duration: float, **fields: object) -> Scenario:
@@ -122,6 +128,68 @@ def test_a_ball_on_a_ball_joint_slides_on_a_floor_as_a_pendulum() -> None:
         context = play(scene([FLOOR, bob], [joint], 1.2, **fields), rate=rate)
         place = (arm * np.cos(angle), arm * np.sin(angle), radius)
         np.testing.assert_allclose(context.recording.position[-1, 1], place, atol=most)
+
+
+def test_what_slides_on_a_joint_turns_its_slip_to_second_order() -> None:
+    """A ball that spins on an arm about an axis askew slides on a floor in a direction that turns: friction
+    opposes the mean of the slip before and after."""
+    radius, axis = 0.05, (np.sqrt(0.5), np.sqrt(0.5), 0.0)
+    arm = rod("arm", (0.18, 0.0, radius), (0.15, 0.02, 0.02), 0.3)
+    spin = (40 * axis[0], 40 * axis[1], 0.0)
+    ball = solid("ball", Sphere(radius), (0.4, 0.0, radius), angular_velocity=spin)
+    joints = [
+        BodyJoint("shoulder", "ball", "", "arm", (0.0, 0.0, radius)),
+        BodyJoint("axle", "hinge", "arm", "ball", (0.4, 0.0, radius), axis),
+    ]
+    scenario = scene([FLOOR, arm, ball], joints, 0.1)
+    ends = {}
+    for rate in (60, 120, 960):
+        ends[rate] = play(replace(scenario, frame_rate=rate), rate=rate).recording.position[-1, 1:]
+    coarse, fine = (np.abs(ends[rate] - ends[960]).max() for rate in (60, 120))
+    assert fine < 3e-5
+    assert coarse > 3 * fine
+
+
+@pytest.mark.parametrize("rate", [60, 240])
+def test_a_brake_at_its_largest_torque_stops_within_a_substep(rate: int) -> None:
+    """A wheel on a base that turns freely on the floor: the brake slows it evenly, and no momentum is lost
+    where it stops."""
+    smooth = (PairCoefficients("steel", "steel", 0.0, 0.0),)
+    base = rod("base", (0.0, 0.0, 0.1), (0.2, 0.2, 0.1))
+    wheel = rod("wheel", (0.0, 0.0, 0.27), (0.15, 0.15, 0.02), angular_velocity=(0.0, 0.0, 10.0))
+    brake = BodyJoint(
+        "brake", "hinge", "base", "wheel", (0.0, 0.0, 0.25), (0.0, 0.0, 1.0), damping=50.0, largest_force=0.5
+    )
+    recording = play(
+        scene([FLOOR, base, wheel], [brake], 0.4, coefficients=smooth, frame_rate=rate), rate=rate
+    ).recording
+    heavy, light = 2 * 0.2**2 / 3, 2 * 0.15**2 / 3
+    common, stop = 10 * light / (heavy + light), 10 * heavy * light / (0.5 * (heavy + light))
+    np.testing.assert_allclose(recording.angular_velocity[-1, 1:, 2], common, atol=1e-12)
+    turned = Rotation.from_quat(recording.orientation[-1, 1], scalar_first=True).as_rotvec()[2]
+    assert turned == pytest.approx(0.25 * stop**2 / heavy + common * (0.4 - stop), abs=1e-4)
+
+
+@pytest.mark.parametrize("largest", [0.1, 0.02])
+@pytest.mark.parametrize("rate", [60, 240])
+def test_a_weak_brake_yields_to_an_impact(largest: float, rate: int) -> None:
+    """A ball hits a rod on a stiff brake with a small largest torque: what is bounded changes no velocity at
+    once, so the ball rebounds as from a rod without a brake."""
+    arm, mass, speed, restitution = 0.35, 0.2, 2.0, 0.5
+    beam = rod("rod", (0.2, 0.0, 0.1), (0.2, 0.02, 0.02), 0.5)
+    ball = solid("ball", Sphere(0.02), (arm, -0.2, 0.1), mass, linear_velocity=(0.0, speed, 0.0))
+    brake = BodyJoint(
+        "brake", "hinge", "", "rod", (0.0, 0.0, 0.1), (0.0, 0.0, 1.0), damping=50.0, largest_force=largest
+    )
+    bounce = (PairCoefficients("steel", "steel", restitution, 0.0),)
+    context = play(
+        scene([beam, ball], [brake], 0.1, gravity=ORIGIN, coefficients=bounce, frame_rate=rate), rate=rate
+    )
+    inertia = 0.5 * ((0.4**2 + 0.04**2) / 12 + 0.2**2)
+    impulse = (1 + restitution) * speed / (arm**2 / inertia + 1 / mass)
+    struck = arm * impulse / inertia - largest * (0.1 - 0.16 / speed) / inertia
+    assert context.recording.linear_velocity[-1, 1, 1] == pytest.approx(speed - impulse / mass, abs=1e-9)
+    assert context.recording.angular_velocity[-1, 0, 2] == pytest.approx(struck, abs=1e-6)
 
 
 @pytest.mark.parametrize("rate", [60, 90, 240])
