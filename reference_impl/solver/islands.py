@@ -171,9 +171,10 @@ def load_island(bodies, joints, drivers, pairs, head, h, state):
                 w[i, i] += LOCKED * trace
             _drop_locked(solver, row, pair["bias"], bias_share, LOCKED * trace, u)
             if opposes_mean:
-                turned = row["rate"]
+                # along such directions its slip before is that at the end
+                turned, along = row["rate"], dot(pair["normal"], row["before"])
                 for i in range(3):
-                    turned[i] = row["before"][i] - u[i]
+                    turned[i] = row["before"][i] - along * pair["normal"][i] - u[i]
                 _drop_locked(solver, row, turned, 1.0, LOCKED * trace, row["before"])
             solver["joined"] = 1
         if opposes_mean:
